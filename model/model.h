@@ -1,0 +1,103 @@
+// The model file (version 1): material, polycrystal, actuator, load and effects. SI units throughout.
+// Equation numbers are those of the source. Signs: field along the poling direction; stress tension-positive;
+// prestress compressive-positive; strain and displacement positive in extension.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "protocols/common/error.h"
+#include "protocols/common/fields.h"
+
+namespace ferrobench::model {
+
+enum class BarrierLaw { equal_curvature, unequal_curvature };
+enum class PolycrystalMethod { none, distribution, parametrized };
+
+std::span<const std::pair<BarrierLaw, std::string_view>> enum_names(BarrierLaw);
+std::span<const std::pair<PolycrystalMethod, std::string_view>> enum_names(PolycrystalMethod);
+
+struct Material {
+  double remanent_polarization = 0.3;   // C/m^2, P_+ = -P_-
+  double remanent_strain_90 = -0.003;   // eps_90, relative to the +180 state
+  double permittivity_180 = 2.5e-8;     // F/m
+  double permittivity_90 = 2.5e-8;      // F/m
+  double compliance_180 = 1.8e-11;      // 1/Pa
+  double compliance_90 = 1.8e-11;       // 1/Pa
+  double piezoelectric_180 = 5.5e-10;   // m/V, d_+ = -d_-
+  double barrier = 5e4;                 // J/m^3, dg0 (4.25)
+  double relaxation_time = 1e-2;        // s, tau (4.23)
+  double activation_volume = 2.2e-24;   // m^3, V (4.23)
+  double temperature = 295;             // K
+  BarrierLaw barrier_law = BarrierLaw::equal_curvature;
+};
+
+// A point of the critical driving force of the parametrized polycrystal (4.63).
+struct CriticalForcePoint {
+  double fraction = 0;  // x+
+  double force = 0;     // J/m^3
+};
+
+// F_cr(x+), both branches by rising fraction, as calibrated at `prestress`; another prestress adds
+// prestress_shift * (prestress - calibration) to both branches (the linear mapping of section 4.3.2).
+struct CriticalForce {
+  std::vector<CriticalForcePoint> unload;  // +180 -> 90
+  std::vector<CriticalForcePoint> load;    // 90 -> +180
+  double prestress = 0;                    // Pa
+  double prestress_shift = 0;              // J/m^3 per Pa
+};
+
+struct Polycrystal {
+  PolycrystalMethod method = PolycrystalMethod::none;
+  double barrier_log_std = 0;         // 1
+  double interaction_field_std = 0;   // V/m
+  double interaction_stress_std = 0;  // Pa
+  double bias_field = 0;              // V/m
+  std::optional<CriticalForce> critical_force;  // "parametrized" only
+};
+
+struct Actuator {
+  double length = 0.01;            // m, active
+  double area = 2.5e-5;            // m^2
+  double layer_thickness = 1e-4;   // m
+  std::int64_t layer_count = 100;
+  std::optional<double> passive_stiffness;  // N/m; absent: rigid
+};
+
+struct Load {
+  double spring_stiffness = 0;  // N/m
+  double prestress = 0;         // Pa
+};
+
+// One effect of the catalogue, switched on. Parameters in the order of the effect's own list.
+struct EffectSetting {
+  std::string id;
+  std::vector<std::pair<std::string, double>> parameters;
+};
+
+struct Model {
+  std::string name;
+  std::string notes;
+  Material material;
+  Polycrystal polycrystal;
+  Actuator actuator;
+  Load load;
+  std::vector<EffectSetting> effects;
+};
+
+// Throw Error(bad_model) with every problem and its JSON pointer.
+Model model_from_json(const nlohmann::json& json);
+Model model_from_text(std::string_view text);
+Model model_from_file(const std::string& path);
+nlohmann::json to_json(const Model& model);
+nlohmann::json model_schema();
+
+// The shipped parameter sets (model/library/), by name.
+std::vector<std::string> model_library_names();
+Model library_model(std::string_view name);  // Error(not_found) with the nearest name
+
+}  // namespace ferrobench::model

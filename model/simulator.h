@@ -1,0 +1,73 @@
+// Plays a field through a model, piece by piece, and gives the channels at any times along it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "model/model.h"
+
+namespace ferrobench::model {
+
+struct SimulationOptions {
+  // Largest error of the mean polarization and strain from stepping in time, as a share of their switching range
+  // (2 P_r and |eps_90|).
+  double tolerance = 1e-4;
+  // Nodes of the domain distribution; 0 chooses enough for `tolerance`.
+  int domains = 0;
+  std::uint64_t shift = 0;  // which of the lattice's shifts; two of them compared estimate the quadrature error
+};
+
+// The channels at a list of times; each span either empty (not wanted) or as long as the times.
+struct ChannelSpans {
+  std::span<double> field;         // V/m, at the amplifier's monitor
+  std::span<double> charge;        // C, absolute
+  std::span<double> displacement;  // m
+  std::span<double> force;         // N
+  std::span<double> polarization;  // C/m^2
+  std::span<double> strain;        // 1, active material
+  std::span<double> stress;        // Pa
+  std::span<double> fraction_plus, fraction_minus;
+};
+
+struct SimulationStatistics {
+  std::uint64_t steps = 0;
+  std::uint64_t domain_steps = 0;    // single domains advanced by one step
+  double time_error = 0;             // estimate, share of the switching range, rms over the steps so far
+};
+
+class Simulator {
+ public:
+  explicit Simulator(const Model& model, const SimulationOptions& options = {});
+  ~Simulator();
+  Simulator(Simulator&&) noexcept;
+  Simulator& operator=(Simulator&&) noexcept;
+
+  // The virgin state (+180 throughout) at rest under the commanded field, at time 0.
+  void start(double field);
+  double time() const;   // s
+  double field() const;  // V/m, commanded
+
+  // The commanded field goes linearly from field() to `field` in `duration` [s]; `times` (rising, in
+  // (time(), time() + duration], or also time() itself before the first piece) are where `out` is wanted.
+  void play(double duration, double field, std::span<const double> times, const ChannelSpans& out);
+
+  const SimulationStatistics& statistics() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+// A whole field record: linear between its knots. `time` and `field` are equally long, time strictly rising.
+// Channels come out at the knots themselves.
+struct Trajectory {
+  std::vector<double> field, charge, displacement, force;
+  double time_error = 0;        // as in SimulationStatistics
+  double quadrature_error = 0;  // rms over the range, from two shifts of the lattice; only if asked for
+};
+Trajectory simulate(const Model& model, std::span<const double> time, std::span<const double> field,
+                    const SimulationOptions& options = {}, bool estimate_quadrature = false);
+
+}  // namespace ferrobench::model

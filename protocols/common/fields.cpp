@@ -1,0 +1,110 @@
+#include "protocols/common/fields.h"
+
+#include <algorithm>
+#include <set>
+
+namespace ferrobench {
+namespace fields_detail {
+
+void check_number(double value, const FieldInfo& info, const std::string& path, std::vector<Problem>& problems) {
+  const bool low = info.exclusive_min ? value <= info.min : value < info.min;
+  if (std::isfinite(value) && !low && value <= info.max) return;
+  nlohmann::json allowed = nlohmann::json::object();
+  if (std::isfinite(info.min)) allowed[info.exclusive_min ? "above" : "from"] = info.min;
+  if (std::isfinite(info.max)) allowed["to"] = info.max;
+  problems.push_back({.path = path,
+                      .message = "is outside its range",
+                      .given = value,
+                      .allowed = allowed.empty() ? nlohmann::json("any finite number") : allowed,
+                      .unit = std::string(info.unit)});
+}
+
+Problem wrong_type(const std::string& path, const nlohmann::json& given, std::string_view expected,
+                   const FieldInfo& info) {
+  // Whatever was given may be huge: a message quotes the start of it.
+  auto text = given.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  nlohmann::json shown = text.size() > 80 ? nlohmann::json(text.substr(0, 80) + "...") : given;
+  return {.path = path, .message = "must be " + std::string(expected), .given = std::move(shown), .unit = std::string(info.unit)};
+}
+
+Problem unknown_key(const std::string& path, const nlohmann::json& allowed) {
+  std::vector<std::string> names;
+  for (const auto& name : allowed) names.push_back(name.get<std::string>());
+  const auto guess = nearest_name(path.substr(path.rfind('/') + 1), names);
+  return {.path = path,
+          .message = "is not a known key",
+          .allowed = allowed,
+          .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"};
+}
+
+std::string pointer(const std::string& parent, std::string_view key) {
+  std::string out = parent + "/";
+  for (const char c : key) {
+    if (c == '~') {
+      out += "~0";
+    } else if (c == '/') {
+      out += "~1";
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
+}  // namespace fields_detail
+
+nlohmann::json parse_json_text(std::string_view text, ErrorCode code, std::string_view what, std::size_t max_bytes,
+                               int max_depth) {
+  const std::string name(what);
+  if (text.size() > max_bytes)
+    throw Error(code, name + " is too long",
+                Problem{.path = "", .message = "has too many bytes", .given = text.size(), .allowed = max_bytes});
+  std::vector<std::set<std::string>> keys;
+  const auto watch = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+    using Event = nlohmann::json::parse_event_t;
+    if (event == Event::object_start || event == Event::array_start) {
+      if (depth >= max_depth) throw Error(code, name + " is nested deeper than " + std::to_string(max_depth) + " levels");
+      keys.emplace_back();
+    } else if (event == Event::object_end || event == Event::array_end) {
+      keys.pop_back();
+    } else if (event == Event::key && !keys.back().insert(parsed.get<std::string>()).second) {
+      throw Error(code, name + " has the key \"" + parsed.get<std::string>() + "\" twice in one object");
+    }
+    return true;
+  };
+  try {
+    return nlohmann::json::parse(text, watch);
+  } catch (const nlohmann::json::parse_error& e) {
+    const auto end = std::min<std::size_t>(e.byte, text.size());
+    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
+    throw Error(code, name + " is not JSON: it breaks at byte " + std::to_string(e.byte) + ", line " +
+                          std::to_string(line));
+  } catch (const nlohmann::json::exception& e) {
+    throw Error(code, name + " is not JSON: " + e.what());
+  }
+}
+
+std::string nearest_name(std::string_view given, std::span<const std::string> allowed) {
+  std::string best;
+  std::size_t best_distance = std::max<std::size_t>(2, given.size() / 3) + 1;
+  for (const auto& name : allowed) {
+    std::vector<std::size_t> row(name.size() + 1);
+    for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
+    for (std::size_t i = 1; i <= given.size(); ++i) {
+      std::size_t diagonal = row[0];
+      row[0] = i;
+      for (std::size_t j = 1; j < row.size(); ++j) {
+        const std::size_t change = diagonal + (given[i - 1] == name[j - 1] ? 0 : 1);
+        diagonal = row[j];
+        row[j] = std::min({change, row[j] + 1, row[j - 1] + 1});
+      }
+    }
+    if (row.back() < best_distance) {
+      best_distance = row.back();
+      best = name;
+    }
+  }
+  return best;
+}
+
+}  // namespace ferrobench

@@ -1,0 +1,69 @@
+// A protocol: the experiment as its author wrote it, in JSON, and its expansion into a waveform.
+//
+//     { "format": "ferrobench-protocol", "version": 1, "name": "...", "title": "...", "source": "...", "notes": "...",
+//       "unit": "kV/mm" | "V",                 of every level and rate below; V needs a layer thickness to expand
+//       "layer_thickness_m": 1e-4,             optional: the specimen that the program was written for
+//       "sample_rate_Hz": 50,                  optional: what suits the experiment
+//       "load": {"spring_stiffness_N_per_m": 2.7e6, "prestress_Pa": 4e6},            optional
+//       "parameters": {"rate": 1.0},           optional: named numbers that `--set rate=10` overrides; "$rate" uses one
+//       "start": 1.5,                          level before the first segment (default 0)
+//       "segments": [ ... ] }
+//
+// The segments and their fields stand in protocols/segments.h, from which the JSON Schema is made.
+#pragma once
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocols/common/error.h"
+#include "protocols/waveform.h"
+
+namespace ferrobench::protocols {
+
+struct ProtocolLoad {
+  std::optional<double> spring_stiffness;  // N/m
+  std::optional<double> prestress;         // Pa
+};
+
+struct ExpandOptions {
+  double layer_thickness = 0;                  // m; 0: take the protocol's own
+  std::map<std::string, double> parameters;    // override the protocol's own
+};
+
+class Protocol {
+ public:
+  // Throws Error(bad_protocol) with every problem and its JSON pointer.
+  static Protocol from_json(const nlohmann::json& json);
+  static Protocol from_text(std::string_view text);
+  static Protocol from_file(const std::string& path);  // Error(not_found) or Error(bad_protocol)
+
+  const nlohmann::json& json() const { return json_; }
+  std::string name() const;
+  std::string title() const;
+  std::optional<double> sample_rate() const;  // Hz
+  ProtocolLoad load() const;
+  std::map<std::string, double> parameters() const;
+
+  // The JSON as executed, with parameter values replaced by those in `options`.
+  Protocol with(const ExpandOptions& options) const;
+  // Throws Error(bad_protocol) if a level is in V and no thickness is known, or the program is too long.
+  Waveform expand(const ExpandOptions& options = {}) const;
+
+ private:
+  nlohmann::json json_;
+};
+
+// Every problem of the JSON, none if it is valid.
+std::vector<Problem> validate(const nlohmann::json& json);
+// The published JSON Schema (draft 2020-12) of a protocol file.
+nlohmann::json protocol_schema();
+
+// The shipped experiments (protocols/library/), by name.
+std::vector<std::string> library_names();
+Protocol library_protocol(std::string_view name);  // Error(not_found) with the nearest name
+
+}  // namespace ferrobench::protocols

@@ -1,0 +1,82 @@
+// The field program as a function of time, and its samples.
+//
+// A waveform is a list of pieces that follow each other without a gap: ramps and holds (linear in time) and sines.
+// Every value is an electric field in V/m, along the poling direction; times are in s from the start of the program.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace ferrobench::protocols {
+
+enum class PieceKind { ramp, hold, sine };
+
+// ramp: from -> to, linear. hold: from == to. sine: center + amplitude sin(2 pi frequency (t - start) + phase),
+// with from and to its values at both ends.
+struct Piece {
+  PieceKind kind = PieceKind::hold;
+  double start = 0;     // s
+  double duration = 0;  // s, > 0
+  double from = 0;      // V/m
+  double to = 0;        // V/m
+  double center = 0, amplitude = 0, frequency = 0, phase = 0;
+
+  double value(double time_from_start_of_program) const;
+  double max_slew() const;  // V/m/s, largest |dE/dt|
+};
+
+// One row of the segment table. kind: "ramp" or "hold" (a sine counts as "ramp").
+struct Segment {
+  std::string kind;
+  std::string label;
+  double start = 0, end = 0;  // s
+  double level = 0;           // V/m, at the end
+  double rate = 0;            // V/m/s, magnitude; 0 for a hold
+};
+
+class Waveform {
+ public:
+  Waveform() = default;
+  // Throws std::invalid_argument if pieces do not join in time (pieces and segments correspond one to one).
+  Waveform(std::vector<Piece> pieces, std::vector<Segment> segments);
+
+  std::span<const Piece> pieces() const { return pieces_; }
+  std::span<const Segment> segments() const { return segments_; }
+  double duration() const;                 // s
+  double value(double time) const;         // V/m; before the start the first value, after the end the last
+  double minimum() const, maximum() const;  // V/m, exact
+  double max_slew() const;                 // V/m/s
+
+ private:
+  std::vector<Piece> pieces_;
+  std::vector<Segment> segments_;
+};
+
+// The waveform on a grid of samples 1/rate apart. Every corner falls on a sample, with its exact level: a corner's
+// index is its time rounded to the grid, but at least one sample after the corner before. With fewer samples than
+// corners the program is stretched, and `distortion` says by how much.
+class SampledWaveform {
+ public:
+  SampledWaveform() = default;
+  SampledWaveform(Waveform waveform, double rate);  // rate in S/s, > 0
+
+  double rate() const { return rate_; }
+  std::uint64_t size() const;               // samples, the last corner included
+  double value(std::uint64_t sample) const;  // V/m
+  void fill(std::uint64_t first, std::span<double> out) const;
+  // Sample index of each corner: pieces().size() + 1 entries, strictly rising, from 0 to size() - 1.
+  std::span<const std::uint64_t> corners() const { return corners_; }
+  const Waveform& waveform() const { return waveform_; }
+  double distortion() const { return distortion_; }  // s, largest shift of a corner against the exact program
+
+ private:
+  Waveform waveform_;
+  double rate_ = 1;
+  std::vector<std::uint64_t> corners_;
+  double distortion_ = 0;
+};
+
+}  // namespace ferrobench::protocols
