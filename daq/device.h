@@ -1,14 +1,19 @@
-// A device plays a sampled field program and returns blocks of samples. Virtual bench, replay and hardware differ
-// behind this interface only.
+// The seam between the bench and what drives a specimen. Virtual bench, replay and hardware differ behind this
+// interface only.
+//
+// A device never sees a program, it pulls from a LevelSource, and the only LevelSource is the guard (guard/guard.h).
+// So no level reaches an output unguarded, and pause, stop and trip need nothing from a driver. All calls come from
+// one thread, the acquisition's; a driver may call LevelSource::next from a thread of its own.
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "protocols/waveform.h"
 #include "recordings/recording.h"
 
 namespace ferrobench::daq {
@@ -17,42 +22,69 @@ namespace ferrobench::daq {
 enum class BlockStatus { ok, overrun, underrun, timeout, short_data, stall, device_lost, clipped };
 std::string_view block_status_name(BlockStatus status);
 
-// `rows` rows by `columns` counts, row after row; the columns are those of Device::columns().
+// `rows` rows by `columns` counts, row after row; the columns are those of Device::columns(). A first_sample past the
+// end of the block before is a gap: those rows were lost.
 struct SampleBlock {
   std::uint64_t first_sample = 0;
   std::size_t rows = 0;
   std::vector<std::int16_t> counts;
   BlockStatus status = BlockStatus::ok;
   std::string message;
+  // Filled by the guard: the field asked for in each row [V/m], and what the record should say.
+  std::vector<double> command;
+  std::vector<recordings::Event> events;
+};
+
+// The output goes linearly to `level` [V/m], where it is `samples` rows later.
+struct LinearPiece {
+  std::uint64_t samples = 0;
+  double level = 0;
+  bool waiting = false;  // a pause: the operator's time, which a clock "as fast as possible" must not skip
+};
+
+class LevelSource {
+ public:
+  virtual ~LevelSource() = default;
+  // The next piece, at most max_samples long; 0 samples: the program is over. May be called from any thread. A pause
+  // or stop comes into force with the next piece, so a driver queues no more than about 0.1 s ahead.
+  virtual LinearPiece next(std::uint64_t max_samples) = 0;
+};
+
+// V/m at the output.
+struct OutputRange {
+  double min = 0;
+  double max = 0;
 };
 
 class Device {
  public:
   virtual ~Device() = default;
 
-  // Driver, serial number, firmware, ranges, rates asked for and got, calibration, limits: what the recording keeps.
+  // Driver, serial number, firmware, ranges, rates asked for and got, calibration: what the recording keeps.
   virtual nlohmann::json info() const = 0;
   // Raw columns in the order of a row, with the scaling to SI.
   virtual std::vector<recordings::RawColumn> columns() const = 0;
-  // Known noise per channel in SI, where there is any.
+  // Known noise per channel in SI (standard deviation), where there is any.
   virtual std::array<std::optional<double>, 5> noise() const { return {}; }
   // The model behind the device, or null.
   virtual nlohmann::json model() const { return nullptr; }
+  // What the output can reach.
+  virtual OutputRange output_range() const = 0;
+  // The rate [rows/s] that the device runs at when asked for this one: its pacer has steps.
+  // Throws Error(invalid_params) outside what it can do.
+  virtual double scan_rate(double asked) const = 0;
 
-  // Brings the output to `level` [V/m] at a slew of at most `slew` [V/m/s] and holds it there.
-  virtual void go_to(double level, double slew) = 0;
-  // Plays the program from its first sample; read() then yields every sample of it, in order.
-  virtual void start(const protocols::SampledWaveform& program) = 0;
-  // Moves the next samples into `block` (its storage is reused). False: the program is over.
-  virtual bool read(SampleBlock& block) = 0;
-  // Holds the field where it is while paused; only the time goes on. Samples keep coming.
-  virtual void pause() = 0;
-  virtual void resume() = 0;
-  // Leaves the program: ramps to zero at `slew` and stops. Returns when the output is at zero; false if the device
-  // could not be brought there. Samples taken meanwhile are still read() afterwards.
-  virtual bool stop(double slew) = 0;
   // The level at the output now, V/m.
   virtual double output() const = 0;
+  // Ends a stream if one is running, then brings the output linearly to `level` at `slew` [V/m/s] and returns when it
+  // is there; nothing is recorded. Also the way to zero when a stream has failed, so it must not depend on one.
+  virtual void go_to(double level, double slew) = 0;
+  // Row 0 is taken at the present output; then each piece of n samples gives n rows, until the source is over.
+  // `source` outlives the stream.
+  virtual void start(double rate, LevelSource& source) = 0;
+  // Moves the next rows into `block` (its storage is reused). False: every row has been read. Returns within a second
+  // or so even if nothing comes, with no rows and status timeout. Trouble goes into the status; a throw ends the run.
+  virtual bool read(SampleBlock& block) = 0;
 };
 
 }  // namespace ferrobench::daq
