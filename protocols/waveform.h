@@ -1,7 +1,8 @@
 // The field program as a function of time, and its samples.
 //
-// A waveform is a list of pieces that follow each other without a gap: ramps and holds (linear in time) and sines.
-// Every value is an electric field in V/m, along the poling direction; times are in s from the start of the program.
+// A waveform is a list of pieces that follow each other without a gap: ramps and holds (linear in time) and
+// sines. Every value is an electric field in V/m, along the poling direction; times are in s from the start
+// of the program.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +15,8 @@ namespace ferrobench::protocols {
 
 enum class PieceKind { ramp, hold, sine };
 
-// ramp: from -> to, linear. hold: from == to. sine: center + amplitude sin(2 pi frequency (t - start) + phase),
-// with from and to its values at both ends.
+// ramp: from -> to, linear. hold: from == to. sine: center + amplitude sin(2 pi frequency (t - start) +
+// phase), with from and to its values at both ends.
 struct Piece {
   PieceKind kind = PieceKind::hold;
   double start = 0;     // s
@@ -30,8 +31,8 @@ struct Piece {
 
 // One row of the segment table. kind: "ramp" or "hold" (a sine counts as "ramp").
 struct Segment {
-  std::string kind;
-  std::string label;
+  std::string kind{};
+  std::string label{};
   double start = 0, end = 0;  // s
   double level = 0;           // V/m, at the end
   double rate = 0;            // V/m/s, magnitude; 0 for a hold
@@ -45,38 +46,41 @@ class Waveform {
 
   std::span<const Piece> pieces() const { return pieces_; }
   std::span<const Segment> segments() const { return segments_; }
-  double duration() const;                 // s
-  double value(double time) const;         // V/m; before the start the first value, after the end the last
+  double duration() const;                  // s
+  double value(double time) const;          // V/m; before the start the first value, after the end the last
   double minimum() const, maximum() const;  // V/m, exact
-  double max_slew() const;                 // V/m/s
+  double max_slew() const;                  // V/m/s; infinite if the level jumps between two pieces
 
  private:
   std::vector<Piece> pieces_;
   std::vector<Segment> segments_;
 };
 
-// The waveform on a grid of samples 1/rate apart. Every corner falls on a sample, with its exact level: a corner's
-// index is its time rounded to the grid, but at least one sample after the corner before. With fewer samples than
-// corners the program is stretched, and `distortion` says by how much.
+// The waveform on a grid of samples 1/rate apart. Every corner falls on a sample, with its exact level: a
+// corner's index is its time rounded to the grid, but at least one sample after the corner before. With fewer
+// samples than corners the program is stretched, and `distortion` says by how much.
 class SampledWaveform {
  public:
   SampledWaveform() = default;
   SampledWaveform(Waveform waveform, double rate);  // rate in S/s, > 0
 
   double rate() const { return rate_; }
-  std::uint64_t size() const;               // samples, the last corner included
-  double value(std::uint64_t sample) const;  // V/m
-  void fill(std::uint64_t first, std::span<double> out) const;
+  std::uint64_t size() const;                                   // samples, the last corner included
+  double value(std::uint64_t sample) const;                     // V/m
+  void fill(std::uint64_t first, std::span<double> out) const;  // past the end: the last level
   // Sample index of each corner: pieces().size() + 1 entries, strictly rising, from 0 to size() - 1.
   std::span<const std::uint64_t> corners() const { return corners_; }
   const Waveform& waveform() const { return waveform_; }
   double distortion() const { return distortion_; }  // s, largest shift of a corner against the exact program
+  // V/m/s, upper bound of what the samples do; above waveform().max_slew() where a corner came early.
+  double max_slew() const { return max_slew_; }
 
  private:
   Waveform waveform_;
   double rate_ = 1;
   std::vector<std::uint64_t> corners_;
   double distortion_ = 0;
+  double max_slew_ = 0;
 };
 
 }  // namespace ferrobench::protocols

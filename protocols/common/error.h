@@ -44,12 +44,12 @@ const ErrorEntry& entry(ErrorCode code);
 
 // One thing wrong with what was given. `path` is a JSON pointer into it ("/segments/3/rate"), "" for the whole.
 struct Problem {
-  std::string path;
-  std::string message;
+  std::string path{};
+  std::string message{};
   nlohmann::json given = nullptr;
   nlohmann::json allowed = nullptr;
-  std::string unit;
-  std::string hint;
+  std::string unit{};
+  std::string hint{};
 };
 
 nlohmann::json to_json(const Problem& problem);
