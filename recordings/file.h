@@ -1,8 +1,8 @@
 // The recording as an HDF5 file in NeXus layout (version 1).
 //
-// While a run goes on, rows are appended uncompressed and flushed; finish() rewrites the file shuffled and compressed
-// beside the original and renames it over, so compression costs the acquisition nothing and a crash loses at most
-// what was not flushed.
+// While a run goes on, rows are appended uncompressed and flushed; finish() rewrites the file shuffled and
+// compressed beside the original and renames it over, so compression costs the acquisition nothing and a
+// crash loses at most what was not flushed.
 #pragma once
 
 #include <memory>
@@ -34,7 +34,9 @@ class Writer {
   void flush();  // what was appended before is on disk after
   std::uint64_t rows() const;
 
-  // Writes segments, noise, end time and status ("complete" | "aborted"), and closes the file.
+  // Writes segments, noise, end time (start time plus the last sample's) and status ("complete" | "aborted"),
+  // and closes the file. Where the disk has no room for the compressed copy, the file stays as it was
+  // written.
   void finish(const std::string& status, const std::string& reason, std::span<const SegmentRow> segments,
               const std::array<std::optional<double>, 5>& noise);
 
@@ -56,6 +58,7 @@ struct Summary {
   std::size_t segment_count = 0, event_count = 0;
 };
 Summary read_summary(const std::string& path);
-void write_recording(const std::string& path, const Recording& recording);  // in one go
+// In one go. A file that was there is replaced once the new one is whole.
+void write_recording(const std::string& path, const Recording& recording);
 
 }  // namespace ferrobench::recordings

@@ -1,0 +1,132 @@
+// Finds the corners of a piecewise-linear field program from its samples: split where a chord misses the
+// samples by more than the noise explains, fit a line to every run, join runs that one line serves, and put
+// each corner where its two lines meet.
+#include <cmath>
+#include <limits>
+
+#include "recordings/recording.h"
+#include "recordings/statistics.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+struct Samples {
+  std::vector<double> time, value;
+  std::vector<std::size_t> index;  // in the recording: samples of a gap are left out
+};
+
+Samples known_samples(const Recording& r) {
+  const auto& values = r.at(r.has(Channel::command) ? Channel::command : Channel::field);
+  Samples out;
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    if (std::isnan(values[i])) continue;
+    out.time.push_back(r.time[i]);
+    out.value.push_back(values[i]);
+    out.index.push_back(i);
+  }
+  return out;
+}
+
+// First and last sample of a run, both included.
+struct Run {
+  std::size_t first, last;
+  Line line;
+};
+
+Run fit(const Samples& s, std::size_t first, std::size_t last) {
+  const auto count = last - first + 1;
+  return {first, last,
+          fit_line(std::span(s.time).subspan(first, count), std::span(s.value).subspan(first, count))};
+}
+
+double worst_miss(const Samples& s, const Run& run) {
+  double worst = 0;
+  for (std::size_t i = run.first; i <= run.last; ++i)
+    worst = std::max(worst, std::abs(s.value[i] - run.line.at(s.time[i])));
+  return worst;
+}
+
+std::vector<std::size_t> split(const Samples& s, double tolerance) {
+  std::vector<std::size_t> corners{0, s.time.size() - 1};
+  std::vector<std::pair<std::size_t, std::size_t>> open{{0, s.time.size() - 1}};
+  while (!open.empty()) {
+    const auto [first, last] = open.back();
+    open.pop_back();
+    const double slope = (s.value[last] - s.value[first]) / (s.time[last] - s.time[first]);
+    double worst = tolerance;
+    std::size_t corner = first;
+    for (std::size_t i = first + 1; i < last; ++i) {
+      const double miss = std::abs(s.value[i] - s.value[first] - slope * (s.time[i] - s.time[first]));
+      if (miss > worst) {
+        worst = miss;
+        corner = i;
+      }
+    }
+    if (corner == first) continue;
+    corners.push_back(corner);
+    open.emplace_back(first, corner);
+    open.emplace_back(corner, last);
+  }
+  std::ranges::sort(corners);
+  return corners;
+}
+
+std::vector<Run> join(const Samples& s, const std::vector<std::size_t>& corners, double tolerance) {
+  std::vector<Run> runs;
+  for (std::size_t i = 1; i < corners.size(); ++i) {
+    runs.push_back(fit(s, corners[i - 1], corners[i]));
+    while (runs.size() > 1) {
+      const auto both = fit(s, runs[runs.size() - 2].first, runs.back().last);
+      if (worst_miss(s, both) > tolerance) break;
+      runs.pop_back();
+      runs.back() = both;
+    }
+  }
+  return runs;
+}
+
+// The sample nearest to where two neighbouring lines meet, between the middles of their runs.
+std::size_t meeting_sample(const Samples& s, const Run& before, const Run& after) {
+  const double bend = before.line.slope - after.line.slope;
+  if (bend == 0) return before.last;
+  const double meeting = (after.line.at(0) - before.line.at(0)) / bend;
+  const auto low = s.time.begin() + static_cast<std::ptrdiff_t>((before.first + before.last) / 2 + 1);
+  const auto high = s.time.begin() + static_cast<std::ptrdiff_t>((after.first + after.last) / 2);
+  if (low >= high) return before.last;
+  auto found = std::lower_bound(low, high, meeting);
+  if (found != low && meeting - *(found - 1) < *found - meeting) --found;
+  return static_cast<std::size_t>(found - s.time.begin());
+}
+
+}  // namespace
+
+std::vector<SegmentRow> infer_segments(const Recording& recording) {
+  if (!recording.has(Channel::command) && !recording.has(Channel::field)) return {};
+  const auto s = known_samples(recording);
+  if (s.time.size() < 2) return {};
+  const auto [low, high] = std::ranges::minmax(s.value);
+  const double noise = estimate_noise(s.value);
+  // Six standard deviations: one false corner in a hundred million samples.
+  const double tolerance = std::max(6 * noise, 1e-6 * (high - low)) + std::numeric_limits<double>::min();
+  auto runs = join(s, split(s, tolerance), tolerance);
+  for (std::size_t i = 1; i < runs.size(); ++i) {
+    const auto corner = meeting_sample(s, runs[i - 1], runs[i]);
+    runs[i - 1] = fit(s, runs[i - 1].first, corner);
+    runs[i] = fit(s, corner, runs[i].last);
+  }
+  std::vector<SegmentRow> out;
+  int ramps = 0, holds = 0;
+  for (const auto& run : runs) {
+    const double change = run.line.slope * (s.time[run.last] - s.time[run.first]);
+    const bool hold = std::abs(change) <= std::max(3 * noise, 1e-6 * (high - low));
+    out.push_back({.start_sample = static_cast<std::int64_t>(s.index[run.first]),
+                   .end_sample = static_cast<std::int64_t>(s.index[run.last]),
+                   .kind = hold ? "hold" : "ramp",
+                   .label = hold ? "hold " + std::to_string(++holds) : "ramp " + std::to_string(++ramps),
+                   .level = run.line.at(s.time[run.last]),
+                   .rate = hold ? 0 : std::abs(run.line.slope)});
+  }
+  return out;
+}
+
+}  // namespace ferrobench::recordings
