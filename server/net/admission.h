@@ -1,0 +1,67 @@
+// Who may talk: looks at the head of an HTTP request and says where it may go, or why not. Nothing else of
+// the request has been read by then, so a refused one changes nothing.
+//
+// Checked in this order: Host and Origin against the allowlist (a page of another site that resolves its name
+// to loopback has the wrong Host), path, method, token, content type.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "protocols/common/error.h"
+
+namespace ferrobench::server {
+
+// Header fields that came more than once are joined by ", " and so match nothing.
+struct RequestHead {
+  std::string method;
+  std::string target;
+  std::string host;
+  std::string origin;
+  std::string authorization;
+  std::string cookie;
+  std::string content_type;
+  bool upgrade = false;  // asks for a WebSocket
+};
+
+enum class Route { rpc_call, rpc_socket, recording, page, sign_in };
+
+struct Admitted {
+  Route route = Route::page;
+  std::string path;  // decoded; for a recording its name
+};
+
+struct Refusal {
+  unsigned status = 400;
+  ErrorCode code = ErrorCode::invalid_params;
+  std::string message;
+  std::string hint;
+  std::vector<std::pair<std::string, std::string>> headers;
+
+  nlohmann::json body() const;  // {name, message, hint}
+};
+
+class Admission {
+ public:
+  // Beside the loopback names, `extra_hosts` (without port) are allowed.
+  Admission(std::string token, std::uint16_t port, const std::vector<std::string>& extra_hosts);
+
+  std::variant<Admitted, Refusal> admit(const RequestHead& head) const;
+  // What the page keeps instead of the token in its address. Cookies do not tell ports apart, hence the name.
+  std::string cookie() const;
+  std::string cookie_name() const;
+
+ private:
+  bool shows_token(const RequestHead& head, std::string_view query) const;
+
+  std::string token_;
+  std::uint16_t port_;
+  std::vector<std::string> hosts_;  // "name:port", lower case
+};
+
+}  // namespace ferrobench::server

@@ -1,0 +1,168 @@
+#include "server/net/client.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+#include "protocols/common/fields.h"
+#include "server/net/unix_socket.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+// Replies may hold whole reports; the daemon is trusted, but not to fill the memory.
+constexpr std::size_t max_reply = 512u << 20;
+
+[[noreturn]] void broken(const std::string& why) {
+  throw Error(ErrorCode::io_error, "the connection to the daemon broke",
+              Problem{.path = "", .message = why, .hint = "look at the daemon's log"});
+}
+
+bool wait_for(int fd, short events, std::chrono::steady_clock::time_point deadline) {
+  while (true) {
+    const auto left =
+        std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
+    pollfd item{.fd = fd, .events = events, .revents = 0};
+    const int ready = poll(&item, 1, static_cast<int>(std::clamp<std::int64_t>(left.count(), 0, 1 << 30)));
+    if (ready > 0) return true;
+    if (ready == 0) return false;
+    if (errno != EINTR) broken(std::generic_category().message(errno));
+  }
+}
+
+std::string text_at(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : std::string{};
+}
+
+ErrorCode code_of(int rpc_code, const std::string& name) {
+  for (const auto& e : error_table())
+    if (e.name == name) return e.code;
+  for (const auto& e : error_table())
+    if (e.rpc_code == rpc_code) return e.code;
+  return rpc_code == -32601 ? ErrorCode::not_found : ErrorCode::invalid_params;
+}
+
+Error error_of(const json& error) {
+  std::vector<Problem> problems;
+  const auto data = error.value("data", json::object());
+  if (data.is_object() && data.contains("problems") && data["problems"].is_array())
+    for (const auto& p : data["problems"])
+      if (p.is_object())
+        problems.push_back({.path = text_at(p, "path"),
+                            .message = text_at(p, "message"),
+                            .given = p.value("given", json(nullptr)),
+                            .allowed = p.value("allowed", json(nullptr)),
+                            .unit = text_at(p, "unit"),
+                            .hint = text_at(p, "hint")});
+  const auto name = data.is_object() ? text_at(data, "name") : std::string{};
+  return {code_of(error.value("code", -32603), name), text_at(error, "message"), std::move(problems)};
+}
+
+}  // namespace
+
+std::optional<Client> Client::try_connect(const std::string& unix_socket) {
+  const int fd = connect_unix(unix_socket);
+  return fd < 0 ? std::nullopt : std::optional(Client(fd));
+}
+
+Client Client::connect(const std::string& unix_socket) {
+  if (auto client = try_connect(unix_socket)) return std::move(*client);
+  throw Error(ErrorCode::device_unavailable, "no daemon is running",
+              Problem{.path = "",
+                      .message = "nobody listens on the socket",
+                      .given = unix_socket,
+                      .hint = "start one with 'ferrobench serve'"});
+}
+
+Client::~Client() {
+  if (fd_ >= 0) close(fd_);
+}
+
+Client::Client(Client&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)),
+      last_id_(other.last_id_),
+      buffer_(std::move(other.buffer_)),
+      waiting_(std::move(other.waiting_)) {}
+
+Client& Client::operator=(Client&& other) noexcept {
+  std::swap(fd_, other.fd_);
+  std::swap(last_id_, other.last_id_);
+  std::swap(buffer_, other.buffer_);
+  std::swap(waiting_, other.waiting_);
+  return *this;
+}
+
+void Client::send_line(const std::string& line, Deadline deadline) {
+  std::size_t sent = 0;
+  while (sent < line.size()) {
+    if (!wait_for(fd_, POLLOUT, deadline)) broken("the daemon takes nothing");
+    const ssize_t n = send(fd_, line.data() + sent, line.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (n < 0 && errno != EINTR && errno != EAGAIN) broken(std::generic_category().message(errno));
+    if (n > 0) sent += static_cast<std::size_t>(n);
+  }
+}
+
+std::optional<json> Client::read_message(Deadline deadline) {
+  std::size_t searched = 0;
+  while (true) {
+    const auto end = buffer_.find('\n', searched);
+    if (end != std::string::npos) {
+      auto message =
+          json::parse(buffer_.begin(), buffer_.begin() + static_cast<std::ptrdiff_t>(end), nullptr, false);
+      buffer_.erase(0, end + 1);
+      if (!message.is_object()) broken("the daemon sent something that is no JSON-RPC message");
+      return message;
+    }
+    searched = buffer_.size();
+    if (searched > max_reply) broken("the reply is too long");
+    if (!wait_for(fd_, POLLIN, deadline)) return std::nullopt;
+    std::array<char, 64u << 10> chunk;
+    const ssize_t n = recv(fd_, chunk.data(), chunk.size(), 0);
+    if (n == 0) broken("the daemon closed it");
+    if (n < 0 && errno != EINTR) broken(std::generic_category().message(errno));
+    if (n > 0) buffer_.append(chunk.data(), static_cast<std::size_t>(n));
+  }
+}
+
+json Client::call(std::string_view method, const json& params, std::chrono::milliseconds timeout) {
+  const auto deadline = std::chrono::steady_clock::now() + timeout;
+  const auto id = ++last_id_;
+  const json request{{"jsonrpc", "2.0"}, {"method", method}, {"params", params}, {"id", id}};
+  send_line(request.dump(-1, ' ', false, json::error_handler_t::replace) + "\n", deadline);
+  while (auto message = read_message(deadline)) {
+    if (message->contains("method")) {
+      waiting_.push_back({text_at(*message, "method"), message->value("params", json::object())});
+      continue;
+    }
+    const auto reply_id = message->value("id", json(nullptr));
+    if (!reply_id.is_null() && reply_id != id) continue;  // of a call that was given up
+    if (message->contains("error")) throw error_of((*message)["error"]);
+    if (message->contains("result")) return std::move((*message)["result"]);
+    broken("a reply has neither result nor error");
+  }
+  broken("no reply to " + std::string(method) + " came in time");
+}
+
+std::optional<Notification> Client::next(std::chrono::milliseconds timeout) {
+  const auto deadline = std::chrono::steady_clock::now() + timeout;
+  while (waiting_.empty()) {
+    auto message = read_message(deadline);
+    if (!message) return std::nullopt;
+    if (message->contains("method"))
+      waiting_.push_back({text_at(*message, "method"), message->value("params", json::object())});
+  }
+  auto first = std::move(waiting_.front());
+  waiting_.pop_front();
+  return first;
+}
+
+}  // namespace ferrobench::server

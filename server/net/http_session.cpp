@@ -1,0 +1,295 @@
+#include <sys/stat.h>
+
+#include <boost/asio/buffer.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+#include <filesystem>
+#include <utility>
+
+#include "server/net/file_range.h"
+#include "server/net/service.h"
+#include "server/net/websocket_session.h"
+
+namespace ferrobench::server {
+namespace {
+
+namespace beast = boost::beast;
+namespace http = beast::http;
+using beast::error_code;
+using http::field;
+
+constexpr auto linger_timeout = std::chrono::seconds(1);
+constexpr std::size_t linger_bytes = 1u << 20;
+
+// Scripts, styles and connections from the daemon itself only; nobody may frame it.
+constexpr auto page_policy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+// All values of a field; more than one are joined so that they match nothing.
+std::string value_of(const http::fields& fields, field name) {
+  std::string out;
+  const auto [first, last] = fields.equal_range(name);
+  for (auto it = first; it != last; ++it) out += (it == first ? "" : ", ") + std::string(it->value());
+  return out;
+}
+
+class HttpSession final : public Session, public std::enable_shared_from_this<HttpSession> {
+ public:
+  HttpSession(Service& service, boost::asio::ip::tcp::socket socket)
+      : Session(service), stream_(std::move(socket)), context_(std::make_shared<CallContext>()) {
+    context_->client = "http " + std::to_string(service.connections);
+  }
+
+  void start(bool full) {
+    if (full) {
+      keep_open_ = false;
+      return refuse({503,
+                     ErrorCode::busy,
+                     "too many connections are open",
+                     "close some, or try again later",
+                     {{"Retry-After", "1"}}});
+    }
+    read_head();
+  }
+
+  void stop() override {
+    keep_open_ = false;
+    if (idle_) stream_.cancel();
+  }
+
+ private:
+  using Request = http::request_parser<http::string_body>;
+
+  void read_head() {
+    parser_.emplace();
+    parser_->header_limit(static_cast<std::uint32_t>(service_.options.max_header_bytes));
+    parser_->body_limit(service_.options.max_body_bytes);
+    idle_ = true;
+    stream_.expires_after(service_.options.header_timeout);
+    http::async_read_header(stream_, buffer_, *parser_,
+                            [self = shared_from_this()](error_code ec, std::size_t) {
+                              self->idle_ = false;
+                              self->on_head(ec);
+                            });
+  }
+
+  // Whether reading went well; otherwise the client is told what it did wrong, if it did anything.
+  bool received(error_code ec) {
+    if (!ec) return true;
+    if (ec == http::error::body_limit) {
+      refuse({413,
+              ErrorCode::invalid_params,
+              "the request is too long",
+              "at most " + std::to_string(service_.options.max_body_bytes) + " bytes",
+              {}});
+    } else if (ec == http::error::header_limit || ec == http::error::buffer_overflow) {
+      refuse({431,
+              ErrorCode::invalid_params,
+              "the request's head is too long",
+              "at most " + std::to_string(service_.options.max_header_bytes) + " bytes",
+              {}});
+    } else if (ec == beast::error::timeout && buffer_.size() > 0) {
+      refuse(
+          {408, ErrorCode::invalid_params, "the request took too long to arrive", "send it in one go", {}});
+    } else if (ec.category() == http::make_error_code(http::error::bad_method).category() &&
+               ec != http::error::end_of_stream && ec != http::error::partial_message) {
+      refuse({400,
+              ErrorCode::invalid_params,
+              "this is not HTTP: " + ec.message(),
+              "use an HTTP/1.1 client",
+              {}});
+    }
+    return false;
+  }
+
+  void on_head(error_code ec) {
+    if (!received(ec)) return;
+    const auto& request = parser_->get();
+    const RequestHead head{.method = std::string(request.method_string()),
+                           .target = std::string(request.target()),
+                           .host = value_of(request, field::host),
+                           .origin = value_of(request, field::origin),
+                           .authorization = value_of(request, field::authorization),
+                           .cookie = value_of(request, field::cookie),
+                           .content_type = value_of(request, field::content_type),
+                           .upgrade = beast::websocket::is_upgrade(request)};
+    const auto decision = service_.admission->admit(head);
+    if (const auto* refusal = std::get_if<Refusal>(&decision)) return refuse(*refusal);
+    const auto& [route, path] = std::get<Admitted>(decision);
+    context_->lease = std::string(request["Ferrobench-Lease"]);
+    switch (route) {
+      case Route::rpc_socket:
+        return start_websocket(service_, std::move(stream_), parser_->release(), context_);
+      case Route::rpc_call:
+        return read_body();
+      case Route::recording:
+        return send_recording(path);
+      case Route::page:
+        return send_page(path);
+      case Route::sign_in:
+        return sign_in();
+    }
+  }
+
+  void read_body() {
+    stream_.expires_after(service_.options.body_timeout);
+    auto self = shared_from_this();
+    if (beast::iequals(parser_->get()[field::expect], "100-continue")) {
+      auto go_on = std::make_shared<http::response<http::empty_body>>(http::status::continue_, 11);
+      return http::async_write(stream_, *go_on, [self, go_on](error_code ec, std::size_t) {
+        if (!ec) self->read_rest();
+      });
+    }
+    read_rest();
+  }
+
+  void read_rest() {
+    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](error_code ec, std::size_t) {
+      if (self->received(ec)) self->call();
+    });
+  }
+
+  void call() {
+    stream_.expires_never();
+    service_.call(std::move(parser_->get().body()), context_,
+                  [self = shared_from_this()](std::optional<std::string> reply) {
+                    if (reply) {
+                      self->send_text(http::status::ok, "application/json", std::move(*reply));
+                    } else {
+                      self->send_text(http::status::no_content, "", "");
+                    }
+                  });
+  }
+
+  void send_page(const std::string& path) {
+    const auto asset = service_.content.asset ? service_.content.asset(path) : std::nullopt;
+    if (!asset)
+      return refuse({404,
+                     ErrorCode::not_found,
+                     "there is nothing at this path",
+                     "the page is at /, calls go to /rpc, recordings are under /recordings/",
+                     {}});
+    auto response = make<http::string_body>(http::status::ok);
+    response.set(field::content_type,
+                 beast::string_view(asset->content_type.data(), asset->content_type.size()));
+    response.set("Content-Security-Policy", page_policy);
+    response.set("X-Frame-Options", "DENY");
+    response.body() = std::string(asset->content);
+    send(std::move(response));
+  }
+
+  // The token leaves the address bar for a cookie that no script can read and no other site can send.
+  void sign_in() {
+    auto response = make<http::string_body>(http::status::see_other);
+    response.set(field::location, "/");
+    response.set(field::set_cookie, service_.admission->cookie());
+    send(std::move(response));
+  }
+
+  void send_recording(const std::string& name) {
+    const auto path = name.empty() || name.find('/') != std::string::npos || !service_.content.recording
+                          ? std::nullopt
+                          : service_.content.recording(name);
+    auto file = path ? FileRange::open(*path) : std::nullopt;
+    if (!file)
+      return refuse(
+          {404, ErrorCode::not_found, "there is no recording of this name", "recording.list names them", {}});
+    const std::uint64_t whole = file->length;
+    const auto wanted = parse_range(std::string(parser_->get()[field::range]), whole);
+    if (wanted && wanted->length == 0)
+      return refuse({416,
+                     ErrorCode::invalid_params,
+                     "the range is outside the file",
+                     "the file has " + std::to_string(whole) + " bytes",
+                     {{"Content-Range", "bytes */" + std::to_string(whole)}}});
+    auto response = make<FileRangeBody>(wanted ? http::status::partial_content : http::status::ok);
+    response.set(field::content_type, "application/x-hdf5");
+    response.set(field::accept_ranges, "bytes");
+    response.set(field::content_disposition, "attachment");
+    if (wanted) {
+      file->first = wanted->first;
+      file->length = wanted->length;
+      response.set(field::content_range, "bytes " + std::to_string(wanted->first) + "-" +
+                                             std::to_string(wanted->first + wanted->length - 1) + "/" +
+                                             std::to_string(whole));
+    }
+    const auto seconds = 30 + file->length / (1u << 20);  // a client slower than 1 MiB/s is given up
+    response.body() = std::move(*file);
+    send(std::move(response), std::chrono::seconds(seconds));
+  }
+
+  void refuse(const Refusal& refusal) {
+    auto response = make<http::string_body>(static_cast<http::status>(refusal.status));
+    response.set(field::content_type, "application/json");
+    for (const auto& [name, value] : refusal.headers) response.set(name, value);
+    response.body() = refusal.body().dump() + "\n";
+    keep_open_ = false;  // what else the request brings is not read
+    send(std::move(response));
+  }
+
+  void send_text(http::status status, const char* content_type, std::string body) {
+    auto response = make<http::string_body>(status);
+    if (*content_type != 0) response.set(field::content_type, content_type);
+    response.body() = std::move(body);
+    send(std::move(response));
+  }
+
+  template <class Body>
+  http::response<Body> make(http::status status) {
+    http::response<Body> response(status, 11);
+    response.set("X-Content-Type-Options", "nosniff");
+    response.set("Cross-Origin-Resource-Policy", "same-origin");
+    response.set(field::cache_control, "no-store");
+    response.set("Referrer-Policy", "no-referrer");
+    return response;
+  }
+
+  template <class Body>
+  void send(http::response<Body> response, std::chrono::milliseconds timeout = std::chrono::seconds(30)) {
+    keep_open_ = keep_open_ && !service_.stopping && parser_ && parser_->get().keep_alive();
+    response.keep_alive(keep_open_);
+    response.prepare_payload();
+    auto message = std::make_shared<http::response<Body>>(std::move(response));
+    stream_.expires_after(timeout);
+    http::async_write(stream_, *message, [self = shared_from_this(), message](error_code ec, std::size_t) {
+      if (ec) return;
+      if (self->keep_open_) return self->read_head();
+      self->linger();
+    });
+  }
+
+  // Closing with unread bytes would cost the client the reply: take what still comes, for a moment.
+  void linger() {
+    error_code ignored;
+    stream_.socket().shutdown(boost::asio::ip::tcp::socket::shutdown_send, ignored);
+    stream_.expires_after(linger_timeout);
+    drain(0);
+  }
+
+  void drain(std::size_t seen) {
+    buffer_.clear();
+    stream_.async_read_some(buffer_.prepare(16u << 10),
+                            [self = shared_from_this(), seen](error_code ec, std::size_t n) {
+                              if (!ec && seen + n < linger_bytes && !self->service_.stopping)
+                                self->drain(seen + n);
+                            });
+  }
+
+  beast::tcp_stream stream_;
+  beast::flat_buffer buffer_;
+  std::optional<Request> parser_;
+  std::shared_ptr<CallContext> context_;
+  bool keep_open_ = true;
+  bool idle_ = false;  // waits for a request
+};
+
+}  // namespace
+
+void start_http(Service& service, boost::asio::ip::tcp::socket socket, bool full) {
+  std::make_shared<HttpSession>(service, std::move(socket))->start(full);
+}
+
+}  // namespace ferrobench::server

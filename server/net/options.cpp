@@ -1,0 +1,58 @@
+#include "server/net/options.h"
+
+#include <arpa/inet.h>
+#include <sys/un.h>
+
+namespace ferrobench::server {
+namespace {
+
+enum class Reach { invalid, loopback, remote };
+
+Reach reach_of(const std::string& address) {
+  in_addr v4{};
+  if (inet_pton(AF_INET, address.c_str(), &v4) == 1)
+    return (ntohl(v4.s_addr) >> 24) == 127 ? Reach::loopback : Reach::remote;
+  in6_addr v6{};
+  if (inet_pton(AF_INET6, address.c_str(), &v6) == 1)
+    return IN6_IS_ADDR_LOOPBACK(&v6) ? Reach::loopback : Reach::remote;
+  return Reach::invalid;
+}
+
+}  // namespace
+
+std::vector<Problem> ServerOptions::validate() const {
+  std::vector<Problem> problems;
+  const auto reach = reach_of(address);
+  if (reach == Reach::invalid)
+    problems.push_back({.path = "/address",
+                        .message = "is not a numeric address",
+                        .given = address,
+                        .hint = "for example 127.0.0.1"});
+  if (reach == Reach::remote && !allow_remote)
+    problems.push_back({.path = "/address",
+                        .message = "would let other machines in",
+                        .given = address,
+                        .allowed = {"127.0.0.1", "::1"},
+                        .hint = "say so explicitly if that is wanted"});
+  if (token.size() < 32)
+    problems.push_back({.path = "/token",
+                        .message = "is too short to be a secret",
+                        .given = token.size(),
+                        .allowed = "at least 32 characters"});
+  if (unix_socket.size() >= sizeof(sockaddr_un::sun_path))
+    problems.push_back({.path = "/unix_socket",
+                        .message = "is longer than a socket's path may be",
+                        .given = unix_socket,
+                        .allowed = sizeof(sockaddr_un::sun_path) - 1,
+                        .unit = "bytes"});
+  if (worker_threads == 0 || worker_threads > 256)
+    problems.push_back({.path = "/worker_threads",
+                        .message = "is outside its range",
+                        .given = worker_threads,
+                        .allowed = {{"from", 1}, {"to", 256}}});
+  if (max_connections == 0)
+    problems.push_back({.path = "/max_connections", .message = "must be at least 1", .given = 0});
+  return problems;
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,37 @@
+// Where the daemon listens and how much it takes from a client.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "protocols/common/error.h"
+#include "server/rpc/subscriber.h"
+
+namespace ferrobench::server {
+
+struct ServerOptions {
+  std::string address = "127.0.0.1";  // numeric; anything but loopback needs allow_remote
+  std::uint16_t port = 8377;          // 0: any free one
+  bool allow_remote = false;
+  std::vector<std::string>
+      extra_hosts;              // names ("bench.lab") that others reach it by, beside the loopback ones
+  std::string unix_socket;      // path; "" for none
+  std::string token;            // 64 hexadecimal digits, from load_or_create_token()
+  unsigned worker_threads = 4;  // calls under way at once
+  std::size_t max_connections = 64;
+  std::size_t max_body_bytes = 4u << 20;
+  std::size_t max_header_bytes = 16u << 10;
+  std::chrono::milliseconds header_timeout{
+      15'000};  // from connecting, or from the last reply, to the end of the head
+  std::chrono::milliseconds body_timeout{30'000};
+  std::chrono::milliseconds idle_timeout{60'000};  // a WebSocket that does not answer a ping
+  std::chrono::milliseconds stop_timeout{2'000};   // for replies under way when the daemon stops
+  OutboxLimits outbox;
+
+  // Everything wrong with the options, none if they are fine.
+  std::vector<Problem> validate() const;
+};
+
+}  // namespace ferrobench::server

@@ -1,0 +1,176 @@
+#include "server/net/server.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "server/net/service.h"
+#include "server/net/unix_socket.h"
+
+namespace ferrobench::server {
+
+namespace asio = boost::asio;
+using asio::ip::tcp;
+using local = asio::local::stream_protocol;
+using boost::system::error_code;
+
+Session::Session(Service& service) : service_(service) {
+  service_.sessions.insert(this);
+}
+
+Session::~Session() {
+  service_.sessions.erase(this);
+}
+
+Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
+    : dispatcher(d), hub(h), options(o), content(std::move(c)), workers(o.worker_threads) {}
+
+void Service::call(std::string text, std::shared_ptr<CallContext> context,
+                   std::function<void(std::optional<std::string>)> done) {
+  asio::post(workers, [this, text = std::move(text), context = std::move(context),
+                       done = std::move(done)]() mutable {
+    auto reply = dispatcher.handle(text, *context);
+    context.reset();
+    // `done` holds the session, which may only be let go on the io thread.
+    asio::post(io, [reply = std::move(reply), done = std::move(done)]() mutable { done(std::move(reply)); });
+  });
+}
+
+namespace {
+
+// Accepts for ever. Running out of file descriptors passes: it tries again a little later.
+template <class Protocol, class Start>
+class Listener {
+ public:
+  Listener(Service& service, typename Protocol::acceptor acceptor, Start start)
+      : service_(service), acceptor_(std::move(acceptor)), pause_(service.io), start_(start) {}
+
+  void accept() {
+    acceptor_.async_accept([this](error_code ec, typename Protocol::socket socket) {
+      if (ec == asio::error::operation_aborted || !acceptor_.is_open()) return;
+      if (ec) {
+        spdlog::warn("accepting a connection failed: {}", ec.message());
+        pause_.expires_after(std::chrono::milliseconds(100));
+        return pause_.async_wait([this](error_code stopped) {
+          if (!stopped) accept();
+        });
+      }
+      ++service_.connections;
+      const auto limit = service_.options.max_connections;
+      // Those to be told that the house is full are themselves few: the rest is closed without a word.
+      if (service_.sessions.size() < limit + 16)
+        start_(service_, std::move(socket), service_.sessions.size() >= limit);
+      accept();
+    });
+  }
+
+  void close() {
+    error_code ignored;
+    acceptor_.close(ignored);
+    pause_.cancel();
+  }
+
+ private:
+  Service& service_;
+  typename Protocol::acceptor acceptor_;
+  asio::steady_timer pause_;
+  Start start_;
+};
+
+tcp::acceptor listen_tcp(asio::io_context& io, const ServerOptions& options) {
+  const tcp::endpoint endpoint(asio::ip::make_address(options.address), options.port);
+  try {
+    return {io, endpoint};
+  } catch (const boost::system::system_error& e) {
+    throw Error(ErrorCode::busy, "cannot listen on the port",
+                Problem{.path = "/port",
+                        .message = e.code().message(),
+                        .given = options.port,
+                        .hint = "another daemon may run already; choose another port, or 0 for a free one"});
+  }
+}
+
+const ServerOptions& checked(const ServerOptions& options) {
+  if (auto problems = options.validate(); !problems.empty())
+    throw Error(ErrorCode::invalid_params, "the server's options are not valid", std::move(problems));
+  return options;
+}
+
+}  // namespace
+
+struct Server::State {
+  Service service;
+  std::uint16_t port = 0;
+  std::optional<Listener<tcp, decltype(&start_http)>> tcp_listener;
+  std::optional<Listener<local, decltype(&start_unix)>> unix_listener;
+  asio::executor_work_guard<asio::io_context::executor_type> work;
+  asio::steady_timer last_call;
+  std::once_flag stopped;
+  std::thread thread;
+
+  State(const Dispatcher& dispatcher, Hub& hub, const ServerOptions& options, Content content)
+      : service(dispatcher, hub, options, std::move(content)),
+        work(asio::make_work_guard(service.io)),
+        last_call(service.io) {}
+
+  void begin_stop() {
+    service.stopping = true;
+    if (tcp_listener) tcp_listener->close();
+    if (unix_listener) unix_listener->close();
+    const auto open = service.sessions;
+    for (Session* session : open)
+      if (service.sessions.contains(session)) session->stop();
+    last_call.expires_after(service.options.stop_timeout);
+    last_call.async_wait([this](error_code) { service.io.stop(); });
+    work.reset();
+    wait_for_sessions();
+  }
+
+  void wait_for_sessions() {
+    if (service.sessions.empty()) return last_call.cancel(), void();
+    auto poll = std::make_shared<asio::steady_timer>(service.io, std::chrono::milliseconds(5));
+    poll->async_wait([this, poll](error_code) { wait_for_sessions(); });
+  }
+};
+
+Server::Server(const Dispatcher& dispatcher, Hub& hub, const ServerOptions& options, Content content)
+    : state_(std::make_unique<State>(dispatcher, hub, checked(options), std::move(content))) {
+  auto& s = *state_;
+  auto acceptor = listen_tcp(s.service.io, options);
+  s.port = acceptor.local_endpoint().port();
+  s.service.admission.emplace(options.token, s.port, options.extra_hosts);
+  s.tcp_listener.emplace(s.service, std::move(acceptor), &start_http);
+  if (!options.unix_socket.empty())
+    s.unix_listener.emplace(
+        s.service, local::acceptor(s.service.io, local(), listen_unix(options.unix_socket)), &start_unix);
+  s.tcp_listener->accept();
+  if (s.unix_listener) s.unix_listener->accept();
+  s.thread = std::thread([&s] { s.service.io.run(); });
+}
+
+Server::~Server() {
+  stop();
+}
+
+std::uint16_t Server::port() const {
+  return state_->port;
+}
+
+void Server::stop() {
+  std::call_once(state_->stopped, [this] {
+    auto& s = *state_;
+    asio::post(s.service.io, [&s] { s.begin_stop(); });
+    s.thread.join();
+    s.service.workers.stop();
+    s.service.workers.join();
+    if (!s.service.options.unix_socket.empty()) unlink(s.service.options.unix_socket.c_str());
+  });
+}
+
+}  // namespace ferrobench::server

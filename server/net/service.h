@@ -1,0 +1,59 @@
+// What the server's connections share. Only for the few sources that do the networking: it pulls in Asio.
+// Everything here belongs to the one thread of `io`, except what runs on the workers.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/local/stream_protocol.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "server/net/admission.h"
+#include "server/net/server.h"
+
+namespace ferrobench::server {
+
+struct Service;
+
+// One connection. It lives as long as an operation of it is under way.
+class Session {
+ public:
+  explicit Session(Service& service);
+  virtual ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+  // Closes as soon as what is under way is answered.
+  virtual void stop() = 0;
+
+ protected:
+  Service& service_;
+};
+
+struct Service {
+  const Dispatcher& dispatcher;
+  Hub& hub;
+  ServerOptions options;
+  Content content;
+  std::optional<Admission> admission;  // once the port is known
+  std::set<Session*> sessions;
+  bool stopping = false;
+  std::uint64_t connections = 0;  // ever accepted, to name them
+  boost::asio::io_context io{1};
+  boost::asio::thread_pool workers;
+
+  Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c);
+
+  // Runs the text through the dispatcher on a worker; `done` gets the reply on the io thread.
+  void call(std::string text, std::shared_ptr<CallContext> context,
+            std::function<void(std::optional<std::string>)> done);
+};
+
+// A full house is told so, and closed.
+void start_http(Service& service, boost::asio::ip::tcp::socket socket, bool full);
+void start_unix(Service& service, boost::asio::local::stream_protocol::socket socket, bool full);
+
+}  // namespace ferrobench::server

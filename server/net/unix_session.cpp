@@ -1,0 +1,91 @@
+#include <array>
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/read_until.hpp>
+#include <boost/asio/write.hpp>
+#include <utility>
+
+#include "server/net/conversation.h"
+
+namespace ferrobench::server {
+namespace {
+
+namespace asio = boost::asio;
+using boost::system::error_code;
+using Socket = asio::local::stream_protocol::socket;
+
+std::string refusal_line(int code, std::string_view message, const Refusal& refusal) {
+  const nlohmann::json line{{"jsonrpc", "2.0"},
+                            {"error", {{"code", code}, {"message", message}, {"data", refusal.body()}}},
+                            {"id", nullptr}};
+  return line.dump();
+}
+
+class UnixSession final : public Conversation {
+ public:
+  UnixSession(Service& service, Socket socket, std::shared_ptr<CallContext> context)
+      : Conversation(service, std::move(context)), socket_(std::move(socket)) {}
+
+  void start(bool full) {
+    if (!full) return begin();
+    const Refusal refusal{.status = 503,
+                          .code = ErrorCode::busy,
+                          .message = "too many connections are open",
+                          .hint = "close some, or try again later",
+                          .headers = {}};
+    const auto text = refusal_line(entry(ErrorCode::busy).rpc_code, refusal.message, refusal) + "\n";
+    error_code ignored;
+    socket_.non_blocking(true, ignored);
+    socket_.write_some(asio::buffer(text), ignored);
+  }
+
+ private:
+  std::shared_ptr<UnixSession> mine() { return std::static_pointer_cast<UnixSession>(shared_from_this()); }
+
+  void read() override {
+    const auto limit = service_.options.max_body_bytes;
+    asio::async_read_until(socket_, asio::dynamic_buffer(buffer_, limit), '\n',
+                           [self = mine(), limit](error_code ec, std::size_t length) {
+                             if (ec == asio::error::not_found) {
+                               const Refusal refusal{.status = 413,
+                                                     .code = ErrorCode::invalid_params,
+                                                     .message = "the line is too long",
+                                                     .hint = "at most " + std::to_string(limit) + " bytes",
+                                                     .headers = {}};
+                               return self->farewell(refusal_line(-32700, "Parse error", refusal));
+                             }
+                             if (ec == asio::error::eof) return self->ended();
+                             if (ec) return self->broken();
+                             auto line = self->buffer_.substr(0, length - 1);
+                             self->buffer_.erase(0, length);
+                             if (line.find_first_not_of(" \t\r") == std::string::npos) return self->read();
+                             self->received(std::move(line));
+                           });
+  }
+
+  void write(const std::string& text) override {
+    const std::array<asio::const_buffer, 2> parts{asio::buffer(text), asio::buffer("\n", 1)};
+    asio::async_write(socket_, parts, [self = mine()](error_code ec, std::size_t) {
+      if (ec) return self->broken();
+      self->written();
+    });
+  }
+
+  void hang_up(const std::string&, bool) override {
+    error_code ignored;
+    socket_.shutdown(Socket::shutdown_both, ignored);
+    socket_.close(ignored);
+  }
+
+  Socket socket_;
+  std::string buffer_;
+};
+
+}  // namespace
+
+void start_unix(Service& service, Socket socket, bool full) {
+  auto context = std::make_shared<CallContext>();
+  context->client = "unix " + std::to_string(service.connections);
+  std::make_shared<UnixSession>(service, std::move(socket), std::move(context))->start(full);
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,89 @@
+#include "server/net/unix_socket.h"
+
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+
+#include "protocols/common/error.h"
+
+namespace ferrobench::server {
+namespace {
+
+sockaddr_un address_of(const std::string& path) {
+  sockaddr_un address{};
+  if (path.empty() || path.size() >= sizeof(address.sun_path))
+    throw Error(ErrorCode::invalid_params, "the socket's path cannot be used",
+                Problem{.path = "/unix_socket",
+                        .message = "is empty or too long",
+                        .given = path,
+                        .allowed = sizeof(address.sun_path) - 1,
+                        .unit = "bytes"});
+  address.sun_family = AF_UNIX;
+  std::memcpy(address.sun_path, path.data(), path.size());
+  return address;
+}
+
+[[noreturn]] void fail(const std::string& path, const std::string& why, const std::string& hint) {
+  throw Error(ErrorCode::io_error, "cannot listen on the Unix socket",
+              Problem{.path = "/unix_socket", .message = why, .given = path, .hint = hint});
+}
+
+const sockaddr* generic(const sockaddr_un& address) {
+  return reinterpret_cast<const sockaddr*>(&address);  // NOLINT: the socket interface asks for it
+}
+
+void remove_stale(const std::string& path) {
+  struct stat info {};
+  if (lstat(path.c_str(), &info) != 0) return;
+  if (!S_ISSOCK(info.st_mode))
+    fail(path, "something that is no socket is in its place", "choose another path");
+  if (const int other = connect_unix(path); other >= 0) {
+    close(other);
+    throw Error(ErrorCode::busy, "another daemon answers on this socket",
+                Problem{.path = "/unix_socket",
+                        .message = "is taken",
+                        .given = path,
+                        .hint = "stop the other daemon, or choose another path"});
+  }
+  unlink(path.c_str());
+}
+
+}  // namespace
+
+int listen_unix(const std::string& path) {
+  const auto address = address_of(path);
+  std::error_code ignored;
+  const auto folder = std::filesystem::path(path).parent_path();
+  if (!folder.empty() && std::filesystem::create_directories(folder, ignored))
+    std::filesystem::permissions(folder, std::filesystem::perms::owner_all, ignored);
+  remove_stale(path);
+  const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (fd < 0) fail(path, std::generic_category().message(errno), "");
+  // The mode is set before bind(), which passes it on to the file: there is no moment in which others may
+  // connect.
+  const bool listening = fchmod(fd, 0600) == 0 && bind(fd, generic(address), sizeof(address)) == 0 &&
+                         chmod(path.c_str(), 0600) == 0 && listen(fd, 64) == 0;
+  if (!listening) {
+    const auto why = std::generic_category().message(errno);
+    close(fd);
+    fail(path, why, "check the folder's permissions");
+  }
+  return fd;
+}
+
+int connect_unix(const std::string& path) {
+  const auto address = address_of(path);
+  const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return -1;
+  if (connect(fd, generic(address), sizeof(address)) == 0) return fd;
+  close(fd);
+  return -1;
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,15 @@
+// The two ends of a Unix socket, as file descriptors.
+#pragma once
+
+#include <string>
+
+namespace ferrobench::server {
+
+// Listens at `path`, mode 0600. A socket that nobody answers on (a daemon that crashed) is replaced; one that
+// somebody answers on is Error(busy), anything else in that place Error(io_error).
+int listen_unix(const std::string& path);
+
+// A connected socket, or -1 if nobody listens there.
+int connect_unix(const std::string& path);
+
+}  // namespace ferrobench::server

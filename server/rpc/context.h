@@ -1,0 +1,21 @@
+// Who is calling. One context lives as long as the connection it stands for; calls on one connection never
+// overlap.
+#pragma once
+
+#include <memory>
+#include <string>
+
+namespace ferrobench::server {
+
+class Subscriber;
+
+// What a method does: looks, or changes something (and then needs the lease if somebody holds one).
+enum class Role { view, control };
+
+struct CallContext {
+  std::string client;  // "http 127.0.0.1:40112", "unix 7": for the log and to name a lease's holder
+  std::string lease;   // the lease this client presented or acquired, "" for none
+  std::shared_ptr<Subscriber> subscriber;  // null where notifications cannot be sent (HTTP POST)
+};
+
+}  // namespace ferrobench::server

@@ -1,0 +1,70 @@
+#include "server/rpc/discover.h"
+
+#include <utility>
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+std::string area(const std::string& method) {
+  const auto dot = method.find('.');
+  return dot == std::string::npos ? "notifications" : method.substr(0, dot);
+}
+
+json describe_method(const Method& method) {
+  json params = json::array();
+  for (const auto& p : method.parameters) {
+    json param{{"name", p.name}, {"required", p.required}, {"schema", p.schema}};
+    if (p.schema.contains("description")) param["description"] = p.schema["description"];
+    params.push_back(std::move(param));
+  }
+  json errors = json::array();
+  for (const auto& e : error_table())
+    errors.push_back({{"$ref", "#/components/errors/" + std::string(e.name)}});
+  return {{"name", method.info.name},
+          {"summary", method.info.doc},
+          {"tags", json::array({{{"name", area(method.info.name)}}})},
+          {"paramStructure", "either"},
+          {"params", std::move(params)},
+          {"result", {{"name", method.info.name + " result"}, {"schema", method.info.result_schema}}},
+          {"errors", std::move(errors)},
+          {"x-role", method.info.role == Role::control ? "control" : "view"}};
+}
+
+}  // namespace
+
+json openrpc_document(const Dispatcher& dispatcher, const Hub& hub, const std::string& version) {
+  json methods = json::array();
+  for (const auto& [name, method] : dispatcher.methods()) methods.push_back(describe_method(method));
+  json errors = json::object();
+  for (const auto& e : error_table())
+    errors[std::string(e.name)] = {{"code", e.rpc_code},
+                                   {"message", e.meaning},
+                                   {"data", {{"name", e.name}, {"problems", json::array()}}}};
+  json topics = json::array();
+  for (const auto& [name, topic] : hub.topics())
+    topics.push_back({{"name", name}, {"summary", topic.doc}, {"params", topic.schema}});
+  return {{"openrpc", "1.3.2"},
+          {"info",
+           {{"title", "ferrobench"},
+            {"version", version},
+            {"description",
+             "Field programs, runs, recordings and models of ferroelectric actuators. SI units unless "
+             "x-unit or the name says otherwise."}}},
+          {"methods", std::move(methods)},
+          {"components", {{"errors", std::move(errors)}}},
+          {"x-notifications", std::move(topics)}};
+}
+
+void add_discovery(Dispatcher& dispatcher, const Hub& hub, const std::string& version) {
+  dispatcher.add<NoParams>(
+      {.name = "rpc.discover",
+       .doc = "This document: every method with its parameters, result and errors (OpenRPC).",
+       .result_schema = {{"type", "object"}, {"required", {"openrpc", "info", "methods"}}}},
+      [&dispatcher, &hub, version](const NoParams&) -> json {
+        return openrpc_document(dispatcher, hub, version);
+      });
+}
+
+}  // namespace ferrobench::server

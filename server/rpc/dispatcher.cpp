@@ -1,0 +1,181 @@
+#include "server/rpc/dispatcher.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cassert>
+#include <vector>
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+constexpr int parse_error = -32700;
+constexpr int invalid_request = -32600;
+constexpr int method_not_found = -32601;
+constexpr int internal_error = -32603;
+
+json error_reply(int code, std::string_view message, json data, json id) {
+  return {{"jsonrpc", "2.0"},
+          {"error", {{"code", code}, {"message", message}, {"data", std::move(data)}}},
+          {"id", std::move(id)}};
+}
+
+json one_problem(std::string_view name, const Problem& problem) {
+  return {{"name", name}, {"problems", json::array({to_json(problem)})}};
+}
+
+json refuse_request(const Problem& problem, json id) {
+  return error_reply(invalid_request, "Invalid Request", one_problem("invalid_request", problem),
+                     std::move(id));
+}
+
+bool may_be_id(const json& id) {
+  return id.is_string() || id.is_number() || id.is_null();
+}
+
+// What is wrong with the form of a request, if anything.
+std::optional<Problem> form_problem(const json& request) {
+  if (!request.is_object())
+    return Problem{.path = "", .message = "must be an object with jsonrpc, method, params and id"};
+  const auto version = request.find("jsonrpc");
+  if (version == request.end() || *version != "2.0")
+    return Problem{.path = "/jsonrpc", .message = "must be there and be the text 2.0", .allowed = "2.0"};
+  const auto method = request.find("method");
+  if (method == request.end() || !method->is_string())
+    return Problem{.path = "/method", .message = "must be there and be a text"};
+  const auto params = request.find("params");
+  if (params != request.end() && !params->is_structured())
+    return Problem{.path = "/params",
+                   .message = "must be an object (by name) or an array (by position)",
+                   .hint = "leave it out if the method takes none"};
+  const auto id = request.find("id");
+  if (id != request.end() && !may_be_id(*id))
+    return Problem{.path = "/id", .message = "must be a text, a number or null"};
+  return std::nullopt;
+}
+
+json by_name(const Method& method, const json& params) {
+  if (params.is_null()) return json::object();
+  if (!params.is_array()) return params;
+  if (params.size() > method.parameters.size())
+    throw Error(ErrorCode::invalid_params, "Invalid params",
+                Problem{.path = "",
+                        .message = "has more parameters than the method takes",
+                        .given = params.size(),
+                        .allowed = method.parameters.size()});
+  json named = json::object();
+  for (std::size_t i = 0; i < params.size(); ++i) named[method.parameters[i].name] = params[i];
+  return named;
+}
+
+// File names and the like may not be UTF-8; the reply always is.
+std::string text_of(const json& reply) {
+  return reply.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+}  // namespace
+
+Dispatcher::Dispatcher(DispatchLimits limits) : limits_(limits) {}
+
+void Dispatcher::add(Method method) {
+  auto name = method.info.name;
+  [[maybe_unused]] const bool added = methods_.emplace(std::move(name), std::move(method)).second;
+  assert(added);
+}
+
+const Method* Dispatcher::find(std::string_view name) const {
+  const auto found = methods_.find(name);
+  return found == methods_.end() ? nullptr : &found->second;
+}
+
+std::string Dispatcher::nearest(std::string_view name) const {
+  std::vector<std::string> names;
+  for (const auto& [known, method] : methods_) names.push_back(known);
+  // The distance costs the product of both lengths: no client needs a guess for a name of a megabyte.
+  const auto guess = nearest_name(name.substr(0, 64), names);
+  return guess.empty() ? "rpc.discover lists the methods" : "did you mean \"" + guess + "\"?";
+}
+
+json Dispatcher::invoke(const Method& method, const json& params, CallContext& context) const {
+  if (method.info.role == Role::control && gate_) gate_(method, context);
+  return method.call(by_name(method, params), context);
+}
+
+json Dispatcher::call(std::string_view name, const json& params, CallContext& context) const {
+  const Method* method = find(name);
+  if (method == nullptr)
+    throw Error(
+        ErrorCode::not_found, "there is no method " + std::string(name),
+        Problem{.path = "/method", .message = "is not in the table", .given = name, .hint = nearest(name)});
+  return invoke(*method, params, context);
+}
+
+std::optional<json> Dispatcher::answer(const json& request, CallContext& context) const {
+  const auto id_at = request.is_object() ? request.find("id") : request.end();
+  const bool has_id = request.is_object() && id_at != request.end();
+  json id = has_id && may_be_id(*id_at) ? *id_at : json(nullptr);
+  if (const auto problem = form_problem(request)) return refuse_request(*problem, std::move(id));
+
+  const auto& name = request["method"].get_ref<const std::string&>();
+  json reply;
+  if (const Method* method = find(name); method == nullptr) {
+    reply = error_reply(method_not_found, "Method not found",
+                        one_problem("method_not_found", {.path = "/method",
+                                                         .message = "is not in the table",
+                                                         .given = name.substr(0, 64),
+                                                         .hint = nearest(name)}),
+                        std::move(id));
+  } else {
+    try {
+      auto result = invoke(*method, request.value("params", json(nullptr)), context);
+      reply = {{"jsonrpc", "2.0"}, {"result", std::move(result)}, {"id", std::move(id)}};
+    } catch (const Error& e) {
+      reply = error_reply(entry(e.code()).rpc_code, e.message(), e.data(), std::move(id));
+    } catch (const std::exception& e) {
+      spdlog::error("{} called by {} failed: {}", name, context.client, e.what());
+      reply =
+          error_reply(internal_error, "Internal error",
+                      one_problem("internal", {.path = "", .message = "the daemon's log says what happened"}),
+                      std::move(id));
+    }
+  }
+  if (!has_id) return std::nullopt;
+  return reply;
+}
+
+std::optional<std::string> Dispatcher::answer_text(std::string_view text, CallContext& context) const {
+  json parsed;
+  try {
+    parsed =
+        parse_json_text(text, ErrorCode::invalid_params, "the request", limits_.max_bytes, limits_.max_depth);
+  } catch (const Error& e) {
+    auto data = one_problem("parse_error", {.path = "", .message = e.what()});
+    return text_of(error_reply(parse_error, "Parse error", std::move(data), nullptr));
+  }
+  if (!parsed.is_array()) {
+    const auto reply = answer(parsed, context);
+    return reply ? std::optional(text_of(*reply)) : std::nullopt;
+  }
+  if (parsed.empty() || parsed.size() > limits_.max_batch)
+    return text_of(
+        refuse_request({.path = "",
+                        .message = "a batch has at least one request and at most the number allowed",
+                        .given = parsed.size(),
+                        .allowed = limits_.max_batch},
+                       nullptr));
+  json replies = json::array();
+  for (const auto& request : parsed)
+    if (auto reply = answer(request, context)) replies.push_back(std::move(*reply));
+  return replies.empty() ? std::nullopt : std::optional(text_of(replies));
+}
+
+std::optional<std::string> Dispatcher::handle(std::string_view text, CallContext& context) const noexcept {
+  try {
+    return answer_text(text, context);
+  } catch (...) {
+    return R"({"jsonrpc":"2.0","error":{"code":-32603,"message":"Internal error"},"id":null})";
+  }
+}
+
+}  // namespace ferrobench::server

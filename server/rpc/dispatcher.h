@@ -1,0 +1,62 @@
+// JSON-RPC 2.0 over a table of methods: text in, text out, no networking.
+//
+// Parameters are named; an array is taken by position in the order of Method::parameters. Every failure is a
+// JSON-RPC error whose `data` is {name, problems: [{path, message, given, allowed, unit, hint}]}; `name` is
+// the stable part.
+//
+// The table is filled before the first call; handle() and call() may then run on any number of threads.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "server/rpc/method.h"
+
+namespace ferrobench::server {
+
+struct DispatchLimits {
+  std::size_t max_bytes = 4u << 20;  // of one request or batch
+  int max_depth = 40;                // of nesting, the batch and the request included
+  std::size_t max_batch = 100;       // requests in one batch
+};
+
+class Dispatcher {
+ public:
+  // Runs before every method of Role::control; throws Error(not_controller) to refuse the caller.
+  using Gate = std::function<void(const Method&, const CallContext&)>;
+
+  explicit Dispatcher(DispatchLimits limits = {});
+
+  template <class P, class F>
+  void add(MethodInfo info, F handler) {
+    add(make_method<P>(std::move(info), std::move(handler)));
+  }
+  void add(Method method);  // a second method of the same name is a programmer's error
+  void set_gate(Gate gate) { gate_ = std::move(gate); }
+
+  // The reply, or nothing if the text held notifications only. Does not throw.
+  std::optional<std::string> handle(std::string_view text, CallContext& context) const noexcept;
+  // One call in-process: the result, or Error. Parameters may be null (none), an object or an array.
+  nlohmann::json call(std::string_view method, const nlohmann::json& params, CallContext& context) const;
+
+  const std::map<std::string, Method, std::less<>>& methods() const { return methods_; }
+  const DispatchLimits& limits() const { return limits_; }
+
+ private:
+  const Method* find(std::string_view name) const;
+  std::string nearest(std::string_view name) const;
+  nlohmann::json invoke(const Method& method, const nlohmann::json& params, CallContext& context) const;
+  std::optional<nlohmann::json> answer(const nlohmann::json& request, CallContext& context) const;
+  std::optional<std::string> answer_text(std::string_view text, CallContext& context) const;
+
+  DispatchLimits limits_;
+  Gate gate_;
+  std::map<std::string, Method, std::less<>> methods_;
+};
+
+}  // namespace ferrobench::server

@@ -1,0 +1,119 @@
+#include "server/rpc/hub.h"
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+#include "protocols/common/fields.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+Subscriber::Text notification(const std::string& topic, const json& params) {
+  const json message{{"jsonrpc", "2.0"}, {"method", topic}, {"params", params}};
+  return std::make_shared<const std::string>(message.dump(-1, ' ', false, json::error_handler_t::replace));
+}
+
+}  // namespace
+
+void Hub::add_topic(Topic topic) {
+  auto name = topic.name;
+  topics_.emplace(std::move(name), std::move(topic));
+}
+
+const Topic& Hub::find(std::string_view name) const {
+  const auto found = topics_.find(name);
+  if (found != topics_.end()) return found->second;
+  std::vector<std::string> names;
+  for (const auto& [known, topic] : topics_) names.push_back(known);
+  const auto guess = nearest_name(name.substr(0, 64), names);
+  throw Error(ErrorCode::not_found, "there is no such topic",
+              Problem{.path = "/topic",
+                      .message = "is not a topic",
+                      .given = name.substr(0, 64),
+                      .allowed = names,
+                      .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"});
+}
+
+void Hub::publish(std::string_view name, const json& params) {
+  const auto topic = topics_.find(name);
+  assert(topic != topics_.end());
+  const std::scoped_lock lock(mutex_);
+  const auto found = subscriptions_.find(name);
+  if (found == subscriptions_.end()) return;
+  std::erase_if(found->second, [](const Subscription& s) { return s.subscriber->closed(); });
+  Subscriber::Text whole;  // one text for all who get every message
+  const auto now = Clock::now();
+  for (auto& s : found->second) {
+    if (s.interval == Clock::duration::zero()) {
+      if (!whole) whole = notification(topic->first, params);
+      s.subscriber->offer(topic->first, whole);
+      continue;
+    }
+    if (s.held) {
+      topic->second.merge(*s.held, params);
+    } else {
+      s.held = params;
+    }
+    if (now - s.last < s.interval) continue;
+    s.last = now;
+    s.subscriber->offer(topic->first, notification(topic->first, *std::exchange(s.held, std::nullopt)));
+  }
+}
+
+void Hub::flush(std::string_view name) {
+  const std::scoped_lock lock(mutex_);
+  const auto found = subscriptions_.find(name);
+  if (found == subscriptions_.end()) return;
+  for (auto& s : found->second)
+    if (s.held)
+      s.subscriber->offer(found->first, notification(found->first, *std::exchange(s.held, std::nullopt)));
+}
+
+bool Hub::wanted(std::string_view topic) const {
+  const std::scoped_lock lock(mutex_);
+  const auto found = subscriptions_.find(topic);
+  return found != subscriptions_.end() && !found->second.empty();
+}
+
+void Hub::subscribe(std::string_view name, const std::shared_ptr<Subscriber>& subscriber,
+                    std::optional<double> max_rate) {
+  const Topic& topic = find(name);
+  if (max_rate && !topic.merge)
+    throw Error(ErrorCode::invalid_params, "Invalid params",
+                Problem{.path = "/max_rate_Hz",
+                        .message = "this topic is always sent in full",
+                        .given = *max_rate,
+                        .hint = "leave it out"});
+  const auto interval =
+      max_rate ? std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / *max_rate))
+               : Clock::duration::zero();
+  const std::scoped_lock lock(mutex_);
+  auto& list = subscriptions_[topic.name];
+  const auto mine =
+      std::find_if(list.begin(), list.end(), [&](const auto& s) { return s.subscriber == subscriber; });
+  if (mine != list.end()) {
+    mine->interval = interval;
+  } else {
+    list.push_back({subscriber, interval, {}, std::nullopt});
+  }
+}
+
+bool Hub::unsubscribe(std::string_view topic, const Subscriber& subscriber) {
+  find(topic);
+  const std::scoped_lock lock(mutex_);
+  const auto found = subscriptions_.find(topic);
+  return found != subscriptions_.end() && std::erase_if(found->second, [&](const Subscription& s) {
+                                            return s.subscriber.get() == &subscriber;
+                                          }) > 0;
+}
+
+void Hub::remove(const Subscriber& subscriber) {
+  const std::scoped_lock lock(mutex_);
+  for (auto& [topic, list] : subscriptions_)
+    std::erase_if(list, [&](const Subscription& s) { return s.subscriber.get() == &subscriber; });
+}
+
+}  // namespace ferrobench::server

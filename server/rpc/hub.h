@@ -1,0 +1,64 @@
+// Topics and who listens to them. publish() is for any thread and never waits for a client.
+//
+// A subscriber may ask for at most so many messages a second of a topic that knows how to merge (samples:
+// minimum and maximum over both); what comes in between is merged, not lost. Other topics are always sent in
+// full.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/rpc/subscriber.h"
+
+namespace ferrobench::server {
+
+struct Topic {
+  std::string name;
+  std::string doc;
+  nlohmann::json schema = nlohmann::json::object();  // of the notification's params
+  std::function<void(nlohmann::json& held, const nlohmann::json& next)> merge = nullptr;
+};
+
+class Hub {
+ public:
+  void add_topic(Topic topic);  // before the first publish
+  const std::map<std::string, Topic, std::less<>>& topics() const { return topics_; }
+
+  // Sends {"jsonrpc": "2.0", "method": topic, "params": params} to whoever subscribed.
+  void publish(std::string_view topic, const nlohmann::json& params);
+  // Sends what merging still holds back, for example at the end of a run.
+  void flush(std::string_view topic);
+  // Whether anybody listens: saves making a message that nobody gets.
+  bool wanted(std::string_view topic) const;
+
+  // Again for the same topic: only the rate changes. Throws Error(not_found) for an unknown topic and
+  // Error(invalid_params) for a rate on a topic that cannot merge.
+  void subscribe(std::string_view topic, const std::shared_ptr<Subscriber>& subscriber,
+                 std::optional<double> max_rate);
+  bool unsubscribe(std::string_view topic, const Subscriber& subscriber);  // false: was not subscribed
+  void remove(const Subscriber& subscriber);                               // from every topic
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct Subscription {
+    std::shared_ptr<Subscriber> subscriber;
+    Clock::duration interval{};  // zero: every message
+    Clock::time_point last;
+    std::optional<nlohmann::json> held;
+  };
+  const Topic& find(std::string_view name) const;
+
+  std::map<std::string, Topic, std::less<>> topics_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::vector<Subscription>, std::less<>> subscriptions_;
+};
+
+}  // namespace ferrobench::server

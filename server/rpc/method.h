@@ -1,0 +1,100 @@
+// One row of the method table. Parameters are read, checked and documented from the describe() of their
+// struct.
+#pragma once
+
+#include <algorithm>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "protocols/common/fields.h"
+#include "server/rpc/context.h"
+
+namespace ferrobench::server {
+
+struct MethodInfo {
+  std::string name;  // "area.verb"
+  std::string doc;   // one sentence
+  Role role = Role::view;
+  nlohmann::json result_schema =
+      nullptr;  // only for a handler that returns raw JSON; otherwise made from its type
+};
+
+struct Parameter {
+  std::string name;
+  bool required = false;
+  nlohmann::json schema;
+};
+
+struct Method {
+  MethodInfo info;
+  std::vector<Parameter>
+      parameters;  // required ones first, else as described; the order of by-position calls
+  std::function<nlohmann::json(const nlohmann::json& named, CallContext&)> call;
+};
+
+// For methods without parameters.
+struct NoParams {};
+template <class Visitor>
+void describe(Visitor&, NoParams&) {}
+
+namespace method_detail {
+
+struct ParameterLister {
+  std::vector<Parameter>& out;
+  template <class T>
+  void operator()(std::string_view name, T& value, const FieldInfo& info) {
+    fields_detail::SchemaMaker maker;
+    maker(name, value, info);
+    out.push_back({std::string(name), info.required, std::move(maker.properties.front())});
+  }
+};
+
+template <class P, class F>
+decltype(auto) invoke(F& handler, const P& params, CallContext& context) {
+  if constexpr (std::is_invocable_v<F&, const P&, CallContext&>) {
+    return handler(params, context);
+  } else {
+    return handler(params);
+  }
+}
+
+}  // namespace method_detail
+
+// handler: R(const P&, CallContext&) or R(const P&). R is a described type, raw JSON, or void (result null).
+template <class P, class F>
+Method make_method(MethodInfo info, F handler) {
+  using R = std::decay_t<decltype(method_detail::invoke<P>(handler, std::declval<const P&>(),
+                                                           std::declval<CallContext&>()))>;
+  Method method;
+  if constexpr (std::is_void_v<R>) {
+    info.result_schema = {{"type", "null"}};
+  } else if constexpr (!std::is_same_v<R, nlohmann::json>) {
+    info.result_schema = json_schema<R>();
+  } else if (info.result_schema.is_null()) {
+    info.result_schema = nlohmann::json::object();
+  }
+  method.info = std::move(info);
+  P sample{};
+  method_detail::ParameterLister lister{method.parameters};
+  describe(lister, sample);
+  std::ranges::stable_partition(method.parameters, [](const Parameter& p) { return p.required; });
+  method.call = [handler = std::move(handler)](const nlohmann::json& named, CallContext& context) mutable {
+    P params{};
+    std::vector<Problem> problems;
+    read_json(named, params, "", problems);
+    if (!problems.empty()) throw Error(ErrorCode::invalid_params, "Invalid params", std::move(problems));
+    if constexpr (std::is_void_v<R>) {
+      method_detail::invoke<P>(handler, params, context);
+      return nlohmann::json(nullptr);
+    } else {
+      return write_json(method_detail::invoke<P>(handler, params, context));
+    }
+  };
+  return method;
+}
+
+}  // namespace ferrobench::server
