@@ -1,0 +1,21 @@
+#include <cmath>
+
+#include "model/effects/catalogue.h"
+
+namespace ferrobench::model::effects {
+
+// Two independent lognormal spreads make one: their variances add.
+Effect effect_barrier_distribution() {
+  return {.id = "barrier_distribution",
+          .equation = "dg0 lognormal over domains, ln dg0 ~ N(ln barrier, log_std^2)",
+          .family = Family::kinetics,
+          .parameters = {{"log_std", "1", 0.02, 1.0}},
+          .shows = "all channels; switching drawn out over field and time",
+          .install = [](std::span<const double> v, Model& model, Ports&) {
+            auto& p = model.polycrystal;
+            p.barrier_log_std = std::hypot(p.barrier_log_std, v[0]);
+            if (p.method == PolycrystalMethod::none) p.method = PolycrystalMethod::distribution;
+          }};
+}
+
+}  // namespace ferrobench::model::effects

@@ -1,0 +1,59 @@
+// The catalogue of effects: terms that the base model lacks. One file each; the build collects them.
+//
+// A file model/effects/<id>.cpp defines `Effect effect_<id>()` in namespace ferrobench::model::effects. Off means exactly
+// the base model: an effect that is not listed in a model file is never asked anything.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "model/model.h"
+#include "model/physics/ports.h"
+
+namespace ferrobench::model {
+
+// The family that a report names when the member cannot be told.
+enum class Family {
+  kinetics,
+  strain,
+  polarization,
+  equilibrium,
+  drive,
+  charge_sensor,
+  displacement_sensor,
+  force_sensor
+};
+std::string_view family_name(Family family);
+
+struct EffectParameter {
+  std::string_view name;
+  std::string_view unit;
+  double low = 0, high = 0;  // plausible range
+  bool any_sign = false;     // the range holds for the magnitude
+};
+
+struct Effect {
+  std::string_view id;
+  std::string_view equation;  // plain text
+  Family family = Family::kinetics;
+  std::vector<EffectParameter> parameters;
+  std::string_view shows;  // channels and segments in which it is seen
+  // Plugs the effect in; values in the order of `parameters`. `model` may be changed where the effect is a base
+  // parameter that was absent.
+  std::function<void(std::span<const double> values, Model& model, Ports& ports)> install;
+};
+
+// All effects, by id.
+std::span<const Effect> effect_catalogue();
+// Error(bad_model) with the nearest id.
+const Effect& find_effect(std::string_view id);
+
+// What is wrong with the settings of a model file: unknown ids, missing, unknown or impossible parameters, an id twice.
+std::vector<Problem> check_effects(const std::vector<EffectSetting>& settings, const std::string& path);
+// Plugs all of them in.
+void install_effects(Model& model, Ports& ports);
+
+}  // namespace ferrobench::model

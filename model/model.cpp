@@ -1,0 +1,216 @@
+#include "model/model.h"
+
+#include <array>
+#include <fstream>
+#include <sstream>
+
+#include "model/effects/catalogue.h"
+
+namespace ferrobench::model {
+
+// Made by the build from model/library/*.json.
+std::optional<std::string_view> embedded(std::string_view name);
+std::vector<std::string_view> embedded_names();
+
+namespace {
+
+constexpr std::array<std::pair<BarrierLaw, std::string_view>, 2> barrier_laws{
+    {{BarrierLaw::equal_curvature, "equal_curvature"}, {BarrierLaw::unequal_curvature, "unequal_curvature"}}};
+constexpr std::array<std::pair<PolycrystalMethod, std::string_view>, 3> methods{
+    {{PolycrystalMethod::none, "none"},
+     {PolycrystalMethod::distribution, "distribution"},
+     {PolycrystalMethod::parametrized, "parametrized"}}};
+
+// The file's own shape of an effect: its parameters are an object.
+struct EffectJson {
+  std::string id;
+  nlohmann::json parameters = nlohmann::json::object();
+};
+struct FileShape {
+  std::string format;
+  std::int64_t version = 1;
+  Model model;
+  std::vector<EffectJson> effects;
+};
+
+}  // namespace
+
+std::span<const std::pair<BarrierLaw, std::string_view>> enum_names(BarrierLaw) { return barrier_laws; }
+std::span<const std::pair<PolycrystalMethod, std::string_view>> enum_names(PolycrystalMethod) { return methods; }
+
+template <class Visitor> void describe(Visitor& visit, Material& m) {
+  visit("remanent_polarization", m.remanent_polarization,
+        {.unit = "C/m^2", .min = 1e-4, .max = 2, .required = true, .doc = "P_+ = -P_-"});
+  visit("remanent_strain_90", m.remanent_strain_90,
+        {.unit = "1", .min = -0.1, .max = -1e-7, .required = true, .doc = "eps_90 against the +180 state"});
+  visit("permittivity_180", m.permittivity_180, {.unit = "F/m", .min = 0, .max = 1e-5, .required = true});
+  visit("permittivity_90", m.permittivity_90, {.unit = "F/m", .min = 0, .max = 1e-5, .required = true});
+  visit("compliance_180", m.compliance_180, {.unit = "1/Pa", .min = 0, .max = 1e-8, .required = true});
+  visit("compliance_90", m.compliance_90, {.unit = "1/Pa", .min = 0, .max = 1e-8, .required = true});
+  visit("piezoelectric_180", m.piezoelectric_180, {.unit = "m/V", .min = -1e-7, .max = 1e-7, .required = true});
+  visit("barrier", m.barrier,
+        {.unit = "J/m^3", .min = 1e-2, .max = 1e9, .required = true, .doc = "barrier energy at zero driving force"});
+  visit("relaxation_time", m.relaxation_time, {.unit = "s", .min = 1e-15, .max = 1e6, .required = true});
+  visit("activation_volume", m.activation_volume, {.unit = "m^3", .min = 1e-28, .max = 1e-15, .required = true});
+  visit("temperature", m.temperature, {.unit = "K", .min = 1, .max = 2000, .required = true});
+  visit("barrier_law", m.barrier_law, {.required = true});
+}
+
+template <class Visitor> void describe(Visitor& visit, CriticalForcePoint& p) {
+  visit("fraction", p.fraction, {.unit = "1", .min = 0, .max = 1, .required = true, .doc = "x+"});
+  visit("force", p.force, {.unit = "J/m^3", .required = true, .doc = "driving force F_+90 at which switching goes on"});
+}
+
+template <class Visitor> void describe(Visitor& visit, CriticalForce& c) {
+  visit("unload", c.unload, {.required = true, .doc = "+180 -> 90, by rising fraction"});
+  visit("load", c.load, {.required = true, .doc = "90 -> +180, by rising fraction"});
+  visit("prestress", c.prestress, {.unit = "Pa", .required = true, .doc = "of the loop it was calibrated from"});
+  visit("prestress_shift", c.prestress_shift, {.unit = "J/m^3/Pa", .doc = "added to both branches per prestress"});
+}
+
+template <class Visitor> void describe(Visitor& visit, Polycrystal& p) {
+  visit("method", p.method, {.required = true});
+  visit("barrier_log_std", p.barrier_log_std, {.unit = "1", .min = 0, .max = 3});
+  visit("interaction_field_std", p.interaction_field_std, {.unit = "V/m", .min = 0, .max = 1e8});
+  visit("interaction_stress_std", p.interaction_stress_std, {.unit = "Pa", .min = 0, .max = 1e10});
+  visit("bias_field", p.bias_field, {.unit = "V/m", .min = -1e8, .max = 1e8});
+  visit("critical_force", p.critical_force, {.doc = "for the method \"parametrized\""});
+}
+
+template <class Visitor> void describe(Visitor& visit, Actuator& a) {
+  visit("length", a.length, {.unit = "m", .min = 1e-9, .max = 10, .required = true, .doc = "active"});
+  visit("area", a.area, {.unit = "m^2", .min = 1e-15, .max = 10, .required = true});
+  visit("layer_thickness", a.layer_thickness, {.unit = "m", .min = 1e-9, .max = 1, .required = true});
+  visit("layer_count", a.layer_count, {.unit = "1", .min = 1, .max = 1e6});
+  visit("passive_stiffness", a.passive_stiffness,
+        {.unit = "N/m", .min = 1, .doc = "of the non-active layers; null: rigid"});
+}
+
+template <class Visitor> void describe(Visitor& visit, Load& l) {
+  visit("spring_stiffness", l.spring_stiffness, {.unit = "N/m", .min = 0, .max = 1e12, .required = true});
+  visit("prestress", l.prestress, {.unit = "Pa", .min = -1e9, .max = 1e10, .required = true});
+}
+
+namespace {
+
+template <class Visitor> void describe(Visitor& visit, EffectJson& e) {
+  visit("id", e.id, {.required = true});
+  visit("parameters", e.parameters, {.required = true});
+}
+
+template <class Visitor> void describe(Visitor& visit, FileShape& f) {
+  visit("format", f.format, {.required = true, .doc = "ferrobench-model"});
+  visit("version", f.version, {.min = 1, .max = 1, .required = true});
+  visit("name", f.model.name, {});
+  visit("notes", f.model.notes, {});
+  visit("material", f.model.material, {.required = true});
+  visit("polycrystal", f.model.polycrystal, {.required = true});
+  visit("actuator", f.model.actuator, {.required = true});
+  visit("load", f.model.load, {.required = true});
+  visit("effects", f.effects, {});
+}
+
+void read_effects(FileShape& file, std::vector<Problem>& problems) {
+  for (std::size_t i = 0; i < file.effects.size(); ++i) {
+    const auto& given = file.effects[i];
+    const auto path = "/effects/" + std::to_string(i) + "/parameters";
+    EffectSetting setting{.id = given.id, .parameters = {}};
+    if (!given.parameters.is_object()) {
+      problems.push_back({.path = path, .message = "must be an object"});
+      continue;
+    }
+    for (const auto& [name, value] : given.parameters.items()) {
+      if (value.is_number())
+        setting.parameters.emplace_back(name, value.get<double>());
+      else
+        problems.push_back({.path = path + "/" + name, .message = "must be a number", .given = value});
+    }
+    file.model.effects.push_back(std::move(setting));
+  }
+}
+
+void check_branch(const std::vector<CriticalForcePoint>& branch, const std::string& path, std::vector<Problem>& problems) {
+  if (branch.size() < 2) problems.push_back({.path = path, .message = "needs at least two points"});
+  for (std::size_t i = 1; i < branch.size(); ++i)
+    if (branch[i].fraction <= branch[i - 1].fraction)
+      problems.push_back({.path = path + "/" + std::to_string(i) + "/fraction", .message = "must rise from point to point", .given = branch[i].fraction});
+}
+
+void check_polycrystal(const Polycrystal& p, std::vector<Problem>& problems) {
+  if (p.method == PolycrystalMethod::parametrized && !p.critical_force)
+    problems.push_back({.path = "/polycrystal/critical_force",
+                        .message = "is missing",
+                        .hint = "the method \"parametrized\" is calibrated from a slow loop: ferrobench fit --calibrate"});
+  if (!p.critical_force) return;
+  check_branch(p.critical_force->unload, "/polycrystal/critical_force/unload", problems);
+  check_branch(p.critical_force->load, "/polycrystal/critical_force/load", problems);
+}
+
+}  // namespace
+
+Model model_from_json(const nlohmann::json& json) {
+  FileShape file;
+  std::vector<Problem> problems;
+  read_json(json, file, "", problems);
+  if (problems.empty() && file.format != "ferrobench-model")
+    problems.push_back({.path = "/format", .message = "is not that of a model file", .given = file.format, .allowed = "ferrobench-model"});
+  if (problems.empty()) {
+    read_effects(file, problems);
+    const auto more = check_effects(file.model.effects, "/effects");
+    problems.insert(problems.end(), more.begin(), more.end());
+    check_polycrystal(file.model.polycrystal, problems);
+  }
+  if (!problems.empty()) throw Error(ErrorCode::bad_model, "the model is not valid", std::move(problems));
+  return std::move(file.model);
+}
+
+Model model_from_text(std::string_view text) {
+  return model_from_json(parse_json_text(text, ErrorCode::bad_model, "the model"));
+}
+
+Model model_from_file(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw Error(ErrorCode::not_found, "the model file \"" + path + "\" cannot be read");
+  std::ostringstream text;
+  text << in.rdbuf();
+  return model_from_text(text.str());
+}
+
+nlohmann::json to_json(const Model& model) {
+  FileShape file{.format = "ferrobench-model", .version = 1, .model = model, .effects = {}};
+  for (const auto& effect : model.effects) {
+    EffectJson out{.id = effect.id};
+    for (const auto& [name, value] : effect.parameters) out.parameters[name] = value;
+    file.effects.push_back(std::move(out));
+  }
+  auto json = write_json(file);
+  if (!model.actuator.passive_stiffness) json["actuator"]["passive_stiffness"] = nullptr;
+  return json;
+}
+
+nlohmann::json model_schema() {
+  auto schema = json_schema<FileShape>();
+  schema["$schema"] = "https://json-schema.org/draft/2020-12/schema";
+  schema["title"] = "ferrobench model";
+  return schema;
+}
+
+std::vector<std::string> model_library_names() {
+  std::vector<std::string> names;
+  for (auto name : embedded_names()) {
+    name = name.substr(name.rfind('/') + 1);
+    names.emplace_back(name.substr(0, name.rfind('.')));
+  }
+  return names;
+}
+
+Model library_model(std::string_view name) {
+  if (const auto text = embedded("library/" + std::string(name) + ".json")) return model_from_text(*text);
+  const auto names = model_library_names();
+  const auto guess = nearest_name(name, names);
+  throw Error(ErrorCode::not_found, "there is no model of that name",
+              Problem{.path = "", .message = "is neither shipped nor a file", .given = name, .allowed = names,
+                      .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"});
+}
+
+}  // namespace ferrobench::model

@@ -1,0 +1,36 @@
+// The domains that stand for the polycrystal's distribution (4.57, 4.58, table 4.1), as nodes and weights.
+//
+//   dg0 = barrier exp(barrier_log_std z1)      E_int = bias_field + interaction_field_std z2
+//   sigma_int = interaction_stress_std z3      z independent standard normal
+//
+// A domain's answer is nearly a step in z, so rules made for smooth functions gain nothing. The nodes are a lattice (line,
+// hexagonal, body-centred cubic, by the number of spreads that are not zero), turned out of the axes so that no two nodes
+// share a coordinate, within a ball, weighted by the Gaussian density. Different shifts of the lattice give independent
+// estimates of the same mean.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "model/model.h"
+
+namespace ferrobench::model {
+
+struct Domains {
+  std::vector<double> barrier;  // J/m^3
+  std::vector<double> field;    // E_int, V/m
+  std::vector<double> stress;   // sigma_int, Pa
+  std::vector<double> weight;   // sums to 1
+  std::size_t size() const { return weight.size(); }
+};
+
+// About `count` nodes (one if no spread is set). `shift` picks one of the lattice's shifts.
+Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count, std::uint64_t shift);
+
+// The number of spreads that are not zero.
+int spread_dimensions(const Polycrystal& polycrystal);
+
+// Nodes that keep the quadrature's error in P and strain, rms over their range, below `tolerance`.
+int domains_for(const Polycrystal& polycrystal, double tolerance);
+
+}  // namespace ferrobench::model

@@ -1,0 +1,295 @@
+#include "model/physics/kernel.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "model/physics/kernel.cpp"
+#include <hwy/foreach_target.h>
+// The order matters: the line above makes this file be read once for each instruction set.
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ferrobench::model::HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::ScalableTag<double>;
+using V = hn::Vec<D>;
+
+// Constants of one call, broadcast.
+struct Broadcast {
+  explicit Broadcast(const KineticConstants& k, const Loads& at)
+      : field(hn::Set(D(), at.field)),
+        stress(hn::Set(D(), at.stress)),
+        polarization(hn::Set(D(), k.polarization)),
+        strain_90(hn::Set(D(), k.strain_90)),
+        piezoelectric(hn::Set(D(), k.piezoelectric)),
+        half_permittivity(hn::Set(D(), k.half_permittivity)),
+        half_compliance(hn::Set(D(), k.half_compliance)),
+        minus_inverse_energy(hn::Set(D(), -k.inverse_energy)),
+        stabilization(hn::Set(D(), k.stress_stabilization)),
+        stabilized(k.stress_stabilization != 0) {}
+  V field, stress, polarization, strain_90, piezoelectric, half_permittivity, half_compliance, minus_inverse_energy,
+      stabilization;
+  bool stabilized;
+};
+
+HWY_INLINE V clamp(V v, V low, V high) { return hn::Min(hn::Max(v, low), high); }
+
+struct EqualCurvature {
+  // Barriers of a -> 90 and 90 -> a for the driving force of a.
+  static HWY_INLINE void barriers(const Broadcast&, V force, V out_barrier, V inverse_out, V back_barrier, V inverse_back,
+                                  V& out, V& back) {
+    const V quarter = hn::Set(D(), 0.25), four = hn::Set(D(), 4.0), zero = hn::Zero(D());
+    const auto one_way = [&](V f, V dg0, V inverse) HWY_ATTR {
+      const V end = hn::Mul(four, dg0);
+      const V root = hn::MulSub(clamp(f, hn::Neg(end), end), quarter, dg0);
+      return hn::MulAdd(hn::Mul(root, root), inverse, hn::Max(zero, hn::Sub(hn::Neg(f), end)));
+    };
+    out = one_way(force, out_barrier, inverse_out);
+    back = one_way(hn::Neg(force), back_barrier, inverse_back);
+  }
+};
+
+struct UnequalCurvature {
+  static HWY_INLINE void barriers(const Broadcast& k, V force, V out_barrier, V, V back_barrier, V, V& out, V& back) {
+    const V half = hn::Set(D(), 0.5), two = hn::Set(D(), 2.0), zero = hn::Zero(D()), one = hn::Set(D(), 1.0);
+    const V difference = hn::Mul(two, k.half_permittivity);
+    const V discriminant = hn::Max(zero, hn::Sub(hn::Mul(k.polarization, k.polarization), hn::Mul(two, hn::Mul(difference, force))));
+    const V field = hn::Div(hn::Mul(hn::Set(D(), -2.0), force), hn::Add(k.polarization, hn::Sqrt(discriminant)));
+    // Field where well a (the 180 well) or b (the 90 well) ends, and the driving force there.
+    const auto ends = [&](V dg0, V& end_a, V& end_b, V& force_a, V& force_b) HWY_ATTR {
+      const V root = hn::Sqrt(hn::Mul(two, dg0));
+      const V q = hn::Div(k.polarization, root);
+      const V shift = hn::Div(difference, q);
+      end_a = hn::Neg(hn::Div(root, hn::Mul(half, hn::Add(q, shift))));
+      end_b = hn::Div(root, hn::Mul(half, hn::Sub(q, shift)));
+      const auto force_at = [&](V e) HWY_ATTR {
+        return hn::Neg(hn::MulAdd(hn::Mul(k.half_permittivity, e), e, hn::Mul(k.polarization, e)));
+      };
+      force_a = force_at(end_a);
+      force_b = force_at(end_b);
+    };
+    V end_a, end_b, force_a, force_b;
+    ends(out_barrier, end_a, end_b, force_a, force_b);
+    V part = hn::Sub(one, hn::Div(field, end_a));
+    out = hn::Mul(out_barrier, hn::Mul(part, part));
+    out = hn::IfThenElse(hn::Ge(force, force_a), zero, hn::IfThenElse(hn::Le(force, force_b), hn::Neg(force), out));
+    if (k.stabilized) ends(back_barrier, end_a, end_b, force_a, force_b);
+    part = hn::Sub(one, hn::Div(field, end_b));
+    back = hn::Mul(back_barrier, hn::Mul(part, part));
+    back = hn::IfThenElse(hn::Ge(force, force_a), force, hn::IfThenElse(hn::Le(force, force_b), zero, back));
+  }
+};
+
+struct Four {
+  V v[4];
+};
+
+template <class Law>
+HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std::size_t i) {
+  const D d;
+  const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
+  const V field = hn::Add(k.field, hn::LoadU(d, domains.field + i));
+  const V stress = hn::Add(k.stress, hn::LoadU(d, domains.stress + i));
+  const V barrier = hn::LoadU(d, domains.barrier + i), inverse = hn::LoadU(d, domains.inverse_barrier + i);
+  const V even = hn::NegMulAdd(hn::Mul(k.half_permittivity, field), field,
+                               hn::Mul(stress, hn::NegMulAdd(k.half_compliance, stress, k.strain_90)));
+  const V odd = hn::Mul(field, hn::MulAdd(k.piezoelectric, stress, k.polarization));
+  V back_barrier = barrier, back_inverse = inverse;
+  if (k.stabilized) {
+    const V factor = hn::MulAdd(k.stabilization, hn::Max(zero, hn::Neg(stress)), one);
+    back_barrier = hn::Mul(barrier, factor);
+    back_inverse = hn::Div(inverse, factor);
+  }
+  Four out;
+  Law::barriers(k, hn::Sub(even, odd), barrier, inverse, back_barrier, back_inverse, out.v[0], out.v[1]);
+  Law::barriers(k, hn::Add(even, odd), barrier, inverse, back_barrier, back_inverse, out.v[3], out.v[2]);
+  for (auto& v : out.v) v = hn::Mul(v, k.minus_inverse_energy);
+  return out;
+}
+
+// (e^x - 1) / x for x <= 0
+HWY_INLINE V exp_divided(V x, V exp_x) {
+  const D d;
+  const V one = hn::Set(d, 1.0);
+  const V series = hn::MulAdd(
+      x, hn::MulAdd(x, hn::MulAdd(x, hn::Set(d, 1.0 / 24), hn::Set(d, 1.0 / 6)), hn::Set(d, 0.5)), one);
+  const V small = hn::Set(d, -1e-4);
+  const V safe = hn::Min(x, small);
+  return hn::IfThenElse(hn::Gt(x, small), series, hn::Div(hn::Sub(exp_x, one), safe));
+}
+
+// The fractions after a step with the intensities q = {a, b, c, d}.
+HWY_INLINE void propagate(const Four& q, V& plus, V& minus) {
+  const D d;
+  const V one = hn::Set(d, 1.0), half = hn::Set(d, 0.5);
+  const V a = q.v[0], b = q.v[1], c = q.v[2], e = q.v[3];
+  const V ninety = hn::Sub(hn::Sub(one, plus), minus);
+  const V flow_plus = hn::MulSub(b, ninety, hn::Mul(a, plus));
+  const V flow_minus = hn::MulSub(c, ninety, hn::Mul(e, minus));
+  const V half_trace = hn::Mul(half, hn::Add(hn::Add(a, b), hn::Add(c, e)));
+  const V determinant = hn::MulAdd(a, hn::Add(c, e), hn::Mul(b, e));
+  const V root = hn::Max(hn::Sqrt(hn::Max(hn::Zero(d), hn::MulSub(half_trace, half_trace, determinant))),
+                         hn::MulAdd(hn::Set(d, 1e-6), half_trace, hn::Set(d, 1e-200)));
+  const V fast = hn::Neg(hn::Add(half_trace, root));
+  const V slow = hn::Div(determinant, fast);
+  const V psi_fast = exp_divided(fast, hn::Exp(d, fast));
+  const V psi_slow = exp_divided(slow, hn::Exp(d, slow));
+  const V f0 = hn::Mul(half, hn::Add(psi_slow, psi_fast));
+  const V f1 = hn::Div(hn::Sub(psi_slow, psi_fast), hn::Sub(slow, fast));
+  const V along_plus = hn::NegMulAdd(b, flow_minus, hn::Mul(hn::Sub(half_trace, hn::Add(a, b)), flow_plus));
+  const V along_minus = hn::NegMulAdd(c, flow_plus, hn::Mul(hn::Sub(half_trace, hn::Add(c, e)), flow_minus));
+  plus = hn::Add(plus, hn::MulAdd(f0, flow_plus, hn::Mul(f1, along_plus)));
+  minus = hn::Add(minus, hn::MulAdd(f0, flow_minus, hn::Mul(f1, along_minus)));
+}
+
+// (r1 - r0) / (l1 - l0), the mean of exp over a linear exponent
+HWY_INLINE V mean_rate(V l0, V l1, V r0, V r1) {
+  const D d;
+  const V change = hn::Sub(l1, l0);
+  const V small = hn::Set(d, 1e-4);
+  const auto is_small = hn::Lt(hn::Abs(change), small);
+  const V safe = hn::IfThenElse(is_small, small, change);
+  return hn::IfThenElse(is_small, hn::Mul(hn::Set(d, 0.5), hn::Add(r0, r1)), hn::Div(hn::Sub(r1, r0), safe));
+}
+
+struct Sums {
+  V plus, minus, plus_rate, minus_rate;
+};
+
+// Rows past `count` in the last vector belong to others: they add nothing to the sums.
+HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t count, const Four& rate, V plus,
+                       V minus, const StepOutput& out, V negligible, Sums& sums) {
+  const D d;
+  const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
+  hn::StoreU(plus, d, out.plus + i);
+  hn::StoreU(minus, d, out.minus + i);
+  const V weight = hn::IfThenElseZero(hn::FirstN(d, count - i), hn::LoadU(d, domains.weight + i));
+  const V ninety = hn::Sub(hn::Sub(one, plus), minus);
+  sums.plus = hn::MulAdd(weight, plus, sums.plus);
+  sums.minus = hn::MulAdd(weight, minus, sums.minus);
+  sums.plus_rate = hn::MulAdd(weight, hn::MulSub(rate.v[1], ninety, hn::Mul(rate.v[0], plus)), sums.plus_rate);
+  sums.minus_rate = hn::MulAdd(weight, hn::MulSub(rate.v[2], ninety, hn::Mul(rate.v[3], minus)), sums.minus_rate);
+  const auto counted = [&](V x) HWY_ATTR { return hn::IfThenElse(hn::Gt(x, negligible), x, zero); };
+  V outflow = hn::Mul(counted(plus), rate.v[0]);
+  outflow = hn::MulAdd(counted(ninety), hn::Add(rate.v[1], rate.v[2]), outflow);
+  outflow = hn::MulAdd(counted(minus), rate.v[3], outflow);
+  hn::StoreU(outflow, d, out.outflow + i);
+}
+
+StepResult reduce(const Sums& sums, double tau) {
+  const D d;
+  const auto sum = [&](V v) HWY_ATTR { return hn::GetLane(hn::SumOfLanes(d, v)); };
+  return {sum(sums.plus), sum(sums.minus), sum(sums.plus_rate) / tau, sum(sums.minus_rate) / tau};
+}
+
+template <class Law>
+void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
+                   const RateColumns& out) {
+  const D d;
+  const Broadcast constants(k, at);
+  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
+    const Four l = log_rates<Law>(constants, domains, i);
+    for (int j = 0; j < 4; ++j) {
+      hn::StoreU(l.v[j], d, out.log_rate[j] + i);
+      hn::StoreU(hn::Exp(d, l.v[j]), d, out.rate[j] + i);
+    }
+  }
+}
+
+template <class Law>
+StepResult step_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
+                     const Loads& at, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+  const D d;
+  const Broadcast constants(k, at);
+  const V span = hn::Set(d, h / k.relaxation_time), negligible = hn::Set(d, out.negligible);
+  const V zero = hn::Zero(d);
+  Sums sums{zero, zero, zero, zero};
+  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
+    const Four l = log_rates<Law>(constants, domains, i);
+    Four rate, intensity;
+    for (int j = 0; j < 4; ++j) {
+      rate.v[j] = hn::Exp(d, l.v[j]);
+      intensity.v[j] = hn::Mul(span, mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
+                                               hn::LoadU(d, before.rate[j] + i), rate.v[j]));
+      hn::StoreU(l.v[j], d, after.log_rate[j] + i);
+      hn::StoreU(rate.v[j], d, after.rate[j] + i);
+    }
+    V plus = hn::LoadU(d, domains.plus + i), minus = hn::LoadU(d, domains.minus + i);
+    propagate(intensity, plus, minus);
+    finish(domains, i, count, rate, plus, minus, out, negligible, sums);
+  }
+  return reduce(sums, k.relaxation_time);
+}
+
+void evaluate(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
+              const RateColumns& out) {
+  k.law == BarrierLaw::equal_curvature ? evaluate_with<EqualCurvature>(k, domains, count, at, out)
+                                       : evaluate_with<UnequalCurvature>(k, domains, count, at, out);
+}
+
+StepResult step(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h, const Loads& at,
+                const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+  return k.law == BarrierLaw::equal_curvature
+             ? step_with<EqualCurvature>(k, domains, count, h, at, before, after, out)
+             : step_with<UnequalCurvature>(k, domains, count, h, at, before, after, out);
+}
+
+StepResult step_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
+                     const RateColumns& before, const StepOutput& out) {
+  const D d;
+  const V span = hn::Set(d, h / k.relaxation_time), negligible = hn::Set(d, out.negligible);
+  const V zero = hn::Zero(d);
+  Sums sums{zero, zero, zero, zero};
+  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
+    Four rate, intensity;
+    for (int j = 0; j < 4; ++j) {
+      rate.v[j] = hn::LoadU(d, before.rate[j] + i);
+      intensity.v[j] = hn::Mul(span, rate.v[j]);
+    }
+    V plus = hn::LoadU(d, domains.plus + i), minus = hn::LoadU(d, domains.minus + i);
+    propagate(intensity, plus, minus);
+    finish(domains, i, count, rate, plus, minus, out, negligible, sums);
+  }
+  return reduce(sums, k.relaxation_time);
+}
+
+}  // namespace ferrobench::model::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ferrobench::model {
+
+HWY_EXPORT(evaluate);
+HWY_EXPORT(step);
+HWY_EXPORT(step_held);
+
+void evaluate_rates(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
+                    const RateColumns& out) {
+  HWY_DYNAMIC_DISPATCH(evaluate)(k, domains, count, at, out);
+}
+
+StepResult step_domains(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
+                        const Loads& at, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+  return HWY_DYNAMIC_DISPATCH(step)(k, domains, count, h, at, before, after, out);
+}
+
+StepResult step_domains_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
+                             const RateColumns& before, const StepOutput& out) {
+  return HWY_DYNAMIC_DISPATCH(step_held)(k, domains, count, h, before, out);
+}
+
+std::vector<std::string> kernel_targets() {
+  std::vector<std::string> names;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) names.emplace_back(hwy::TargetName(target));
+  return names;
+}
+
+void force_kernel_target(const std::string& name) {
+  std::int64_t wanted = 0;
+  for (const auto target : hwy::SupportedAndGeneratedTargets())
+    if (name == hwy::TargetName(target)) wanted = target;
+  hwy::SetSupportedTargetsForTest(wanted);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+}  // namespace ferrobench::model
+#endif

@@ -1,0 +1,32 @@
+// What the simulator needs of the phase fractions, however they are modelled.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "model/physics/wells.h"
+
+namespace ferrobench::model {
+
+// Means over all domains.
+struct Means {
+  double plus = 1, minus = 0;            // <x+>, <x->
+  double plus_rate = 0, minus_rate = 0;  // d/dt, 1/s
+  double ninety() const { return 1 - plus - minus; }
+};
+
+class Kinetics {
+ public:
+  virtual ~Kinetics() = default;
+  // The virgin state (+180 throughout) at these loads.
+  virtual void start(const Loads& at) = 0;
+  virtual const Means& means() const = 0;
+  // The state after `h` seconds in which the loads go to `at`; nothing is kept until accept().
+  virtual const Means& propose(double h, const Loads& at) = 0;
+  virtual void accept() = 0;
+  // P_+ may change in time (fatigue): takes effect with the next proposal.
+  virtual void set_polarization(double polarization) = 0;
+  virtual std::uint64_t domain_steps() const = 0;
+};
+
+}  // namespace ferrobench::model

@@ -1,0 +1,87 @@
+#include <algorithm>
+#include <cmath>
+
+#include "model/simulator.h"
+
+namespace ferrobench::model {
+namespace {
+
+// Knots that lie on the line between their neighbours carry nothing: fewer, longer pieces are faster.
+std::vector<std::size_t> corners(std::span<const double> time, std::span<const double> field) {
+  std::vector<std::size_t> out{0};
+  double largest = 0;
+  for (const double e : field) largest = std::max(largest, std::abs(e));
+  const double slack = 1e-9 * std::max(largest, 1e-300);
+  for (std::size_t i = 1; i + 1 < time.size(); ++i) {
+    const std::size_t from = out.back();
+    const double slope = (field[i] - field[from]) / (time[i] - time[from]);
+    const double next = field[i] + slope * (time[i + 1] - time[i]);
+    if (std::abs(next - field[i + 1]) > slack) out.push_back(i);
+  }
+  if (time.size() > 1) out.push_back(time.size() - 1);
+  return out;
+}
+
+void check(std::span<const double> time, std::span<const double> field) {
+  if (time.size() != field.size() || time.empty())
+    throw Error(ErrorCode::invalid_params, "time and field must be equally long and not empty",
+                Problem{.path = "/field", .message = "has another length", .given = field.size(), .allowed = time.size()});
+  for (std::size_t i = 0; i < time.size(); ++i) {
+    if (!std::isfinite(field[i]) || !std::isfinite(time[i]))
+      throw Error(ErrorCode::invalid_params, "time and field must be finite",
+                  Problem{.path = "/field/" + std::to_string(i), .message = "is not a number"});
+    if (i > 0 && time[i] <= time[i - 1])
+      throw Error(ErrorCode::invalid_params, "time must rise",
+                  Problem{.path = "/time/" + std::to_string(i), .message = "does not rise", .given = time[i], .unit = "s"});
+  }
+}
+
+double rms_over_range(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0, low = a.front(), high = a.front();
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    sum += (a[i] - b[i]) * (a[i] - b[i]);
+    low = std::min(low, a[i]);
+    high = std::max(high, a[i]);
+  }
+  return high > low ? std::sqrt(sum / static_cast<double>(a.size())) / (high - low) : 0;
+}
+
+}  // namespace
+
+Trajectory simulate(const Model& model, std::span<const double> time, std::span<const double> field,
+                    const SimulationOptions& options, bool estimate_quadrature) {
+  check(time, field);
+  const std::size_t n = time.size();
+  Trajectory out;
+  for (auto* column : {&out.field, &out.charge, &out.displacement, &out.force}) column->resize(n);
+  Simulator simulator(model, options);
+  simulator.start(field[0]);
+  const double origin = time[0];
+  std::vector<double> since(n);
+  for (std::size_t i = 0; i < n; ++i) since[i] = time[i] - origin;
+  std::size_t done = 0;
+  for (const std::size_t knot : corners(time, field)) {
+    const std::size_t count = knot + 1 - done;
+    const auto part = [&](std::vector<double>& column) { return std::span(column).subspan(done, count); };
+    ChannelSpans spans;
+    spans.field = part(out.field);
+    spans.charge = part(out.charge);
+    spans.displacement = part(out.displacement);
+    spans.force = part(out.force);
+    simulator.play(since[knot] - simulator.time(), field[knot], std::span(since).subspan(done, count), spans);
+    done = knot + 1;
+  }
+  out.time_error = simulator.statistics().time_error;
+  if (estimate_quadrature) {
+    auto other = options;
+    other.shift = options.shift + 1;
+    const auto second = simulate(model, time, field, other, false);
+    // Both shifts err independently: each by the difference over sqrt(2).
+    out.quadrature_error = std::max(rms_over_range(out.charge, second.charge),
+                                    rms_over_range(out.displacement, second.displacement)) /
+                           std::sqrt(2.0);
+  }
+  return out;
+}
+
+}  // namespace ferrobench::model
