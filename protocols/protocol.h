@@ -1,15 +1,18 @@
 // A protocol: the experiment as its author wrote it, in JSON, and its expansion into a waveform.
 //
-//     { "format": "ferrobench-protocol", "version": 1, "name": "...", "title": "...", "source": "...", "notes": "...",
-//       "unit": "kV/mm" | "V",                 of every level and rate below; V needs a layer thickness to expand
-//       "layer_thickness_m": 1e-4,             optional: the specimen that the program was written for
+//     { "format": "ferrobench-protocol", "version": 1, "name": "...", "title": "...", "source": "...",
+//     "notes": "...",
+//       "unit": "kV/mm" | "V",                 of every level and rate below; V needs a layer thickness to
+//       expand "layer_thickness_m": 1e-4,             optional: the specimen that the program was written for
 //       "sample_rate_Hz": 50,                  optional: what suits the experiment
 //       "load": {"spring_stiffness_N_per_m": 2.7e6, "prestress_Pa": 4e6},            optional
-//       "parameters": {"rate": 1.0},           optional: named numbers that `--set rate=10` overrides; "$rate" uses one
-//       "start": 1.5,                          level before the first segment (default 0)
+//       "parameters": {"rate": 1.0},           optional: named numbers that `--set rate=10` overrides;
+//       "$rate" uses one "start": 1.5,                          level before the first segment (default 0)
 //       "segments": [ ... ] }
 //
-// The segments and their fields stand in protocols/segments.h, from which the JSON Schema is made.
+// In place of any number but `version` and the parameters themselves, "$rate" uses a parameter and "-$rate"
+// its negative. The segments and their fields stand in protocols/segments.h, from which the JSON Schema is
+// made.
 #pragma once
 
 #include <map>
@@ -30,8 +33,8 @@ struct ProtocolLoad {
 };
 
 struct ExpandOptions {
-  double layer_thickness = 0;                  // m; 0: take the protocol's own
-  std::map<std::string, double> parameters;    // override the protocol's own
+  double layer_thickness = 0;                // m; 0: take the protocol's own
+  std::map<std::string, double> parameters;  // override the protocol's own
 };
 
 class Protocol {
@@ -40,17 +43,23 @@ class Protocol {
   static Protocol from_json(const nlohmann::json& json);
   static Protocol from_text(std::string_view text);
   static Protocol from_file(const std::string& path);  // Error(not_found) or Error(bad_protocol)
+  // A field program from a CSV file of time in s and level; starts at the first level.
+  static Protocol from_csv_file(const std::string& path, std::string_view unit = "kV/mm");
 
   const nlohmann::json& json() const { return json_; }
   std::string name() const;
   std::string title() const;
-  std::optional<double> sample_rate() const;  // Hz
+  // Hz. If the file names none: 500 samples or more on a sweep over the whole range at the largest slew.
+  std::optional<double> sample_rate() const;
+  std::optional<double> layer_thickness() const;  // m
   ProtocolLoad load() const;
   std::map<std::string, double> parameters() const;
 
-  // The JSON as executed, with parameter values replaced by those in `options`.
+  // The protocol as executed: parameter values and layer thickness replaced by those in `options`.
+  // Throws Error(bad_protocol) if there is no such parameter or the value does not fit.
   Protocol with(const ExpandOptions& options) const;
-  // Throws Error(bad_protocol) if a level is in V and no thickness is known, or the program is too long.
+  // In V/m. The level before the program is that of the first piece. Throws Error(bad_protocol) as with()
+  // does, and if levels are in V and no thickness is known.
   Waveform expand(const ExpandOptions& options = {}) const;
 
  private:

@@ -7,7 +7,8 @@ namespace ferrobench {
 namespace {
 
 constexpr std::array<ErrorEntry, 18> table{{
-    {ErrorCode::invalid_params, -32602, "invalid_params", "a parameter is missing, unknown, or out of its range"},
+    {ErrorCode::invalid_params, -32602, "invalid_params",
+     "a parameter is missing, unknown, or out of its range"},
     {ErrorCode::not_found, -32001, "not_found", "nothing has the name or id that was given"},
     {ErrorCode::bad_protocol, -32002, "bad_protocol", "the field program is not valid"},
     {ErrorCode::bad_recording, -32003, "bad_recording", "the file is not a recording, or is damaged"},
@@ -27,12 +28,17 @@ constexpr std::array<ErrorEntry, 18> table{{
     {ErrorCode::internal, -32603, "internal", "a defect of the program"},
 }};
 
+// Quoted text may come from a file that is not UTF-8.
+std::string quoted(const nlohmann::json& value) {
+  return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 std::string text_of(const std::string& message, const std::vector<Problem>& problems) {
   std::string text = message;
   for (const auto& p : problems) {
     text += "\n  " + (p.path.empty() ? std::string{} : p.path + ": ") + p.message;
-    if (!p.given.is_null()) text += "; given " + p.given.dump();
-    if (!p.allowed.is_null()) text += "; allowed " + p.allowed.dump();
+    if (!p.given.is_null()) text += "; given " + quoted(p.given);
+    if (!p.allowed.is_null()) text += "; allowed " + quoted(p.allowed);
     if (!p.unit.empty()) text += " " + p.unit;
     if (!p.hint.empty()) text += " (" + p.hint + ")";
   }
@@ -41,9 +47,13 @@ std::string text_of(const std::string& message, const std::vector<Problem>& prob
 
 }  // namespace
 
-std::span<const ErrorEntry> error_table() { return table; }
+std::span<const ErrorEntry> error_table() {
+  return table;
+}
 
-const ErrorEntry& entry(ErrorCode code) { return table.at(static_cast<std::size_t>(code)); }
+const ErrorEntry& entry(ErrorCode code) {
+  return table.at(static_cast<std::size_t>(code));
+}
 
 nlohmann::json to_json(const Problem& p) {
   nlohmann::json out{{"path", p.path}, {"message", p.message}};
@@ -55,7 +65,10 @@ nlohmann::json to_json(const Problem& p) {
 }
 
 Error::Error(ErrorCode code, std::string message, std::vector<Problem> problems)
-    : code_(code), message_(std::move(message)), problems_(std::move(problems)), text_(text_of(message_, problems_)) {}
+    : code_(code),
+      message_(std::move(message)),
+      problems_(std::move(problems)),
+      text_(text_of(message_, problems_)) {}
 
 nlohmann::json Error::data() const {
   nlohmann::json out{{"name", entry(code_).name}, {"problems", nlohmann::json::array()}};

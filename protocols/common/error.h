@@ -42,7 +42,8 @@ struct ErrorEntry {
 std::span<const ErrorEntry> error_table();
 const ErrorEntry& entry(ErrorCode code);
 
-// One thing wrong with what was given. `path` is a JSON pointer into it ("/segments/3/rate"), "" for the whole.
+// One thing wrong with what was given. `path` is a JSON pointer into it ("/segments/3/rate"), "" for the
+// whole.
 struct Problem {
   std::string path{};
   std::string message{};

@@ -6,7 +6,8 @@
 namespace ferrobench {
 namespace fields_detail {
 
-void check_number(double value, const FieldInfo& info, const std::string& path, std::vector<Problem>& problems) {
+void check_number(double value, const FieldInfo& info, const std::string& path,
+                  std::vector<Problem>& problems) {
   const bool low = info.exclusive_min ? value <= info.min : value < info.min;
   if (std::isfinite(value) && !low && value <= info.max) return;
   nlohmann::json allowed = nlohmann::json::object();
@@ -22,9 +23,12 @@ void check_number(double value, const FieldInfo& info, const std::string& path, 
 Problem wrong_type(const std::string& path, const nlohmann::json& given, std::string_view expected,
                    const FieldInfo& info) {
   // Whatever was given may be huge: a message quotes the start of it.
-  auto text = given.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-  nlohmann::json shown = text.size() > 80 ? nlohmann::json(text.substr(0, 80) + "...") : given;
-  return {.path = path, .message = "must be " + std::string(expected), .given = std::move(shown), .unit = std::string(info.unit)};
+  const auto text = given.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  nlohmann::json shown = text.size() > 80 ? nlohmann::json(excerpt(text) + "...") : given;
+  return {.path = path,
+          .message = "must be " + std::string(expected),
+          .given = std::move(shown),
+          .unit = std::string(info.unit)};
 }
 
 Problem unknown_key(const std::string& path, const nlohmann::json& allowed) {
@@ -53,17 +57,19 @@ std::string pointer(const std::string& parent, std::string_view key) {
 
 }  // namespace fields_detail
 
-nlohmann::json parse_json_text(std::string_view text, ErrorCode code, std::string_view what, std::size_t max_bytes,
-                               int max_depth) {
+nlohmann::json parse_json_text(std::string_view text, ErrorCode code, std::string_view what,
+                               std::size_t max_bytes, int max_depth) {
   const std::string name(what);
   if (text.size() > max_bytes)
-    throw Error(code, name + " is too long",
-                Problem{.path = "", .message = "has too many bytes", .given = text.size(), .allowed = max_bytes});
+    throw Error(
+        code, name + " is too long",
+        Problem{.path = "", .message = "has too many bytes", .given = text.size(), .allowed = max_bytes});
   std::vector<std::set<std::string>> keys;
   const auto watch = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
     using Event = nlohmann::json::parse_event_t;
     if (event == Event::object_start || event == Event::array_start) {
-      if (depth >= max_depth) throw Error(code, name + " is nested deeper than " + std::to_string(max_depth) + " levels");
+      if (depth >= max_depth)
+        throw Error(code, name + " is nested deeper than " + std::to_string(max_depth) + " levels");
       keys.emplace_back();
     } else if (event == Event::object_end || event == Event::array_end) {
       keys.pop_back();
@@ -82,6 +88,13 @@ nlohmann::json parse_json_text(std::string_view text, ErrorCode code, std::strin
   } catch (const nlohmann::json::exception& e) {
     throw Error(code, name + " is not JSON: " + e.what());
   }
+}
+
+std::string excerpt(std::string_view text) {
+  std::string out(text.substr(0, 80));
+  for (char& c : out)
+    if (c < ' ' || c > '~') c = '?';
+  return out;
 }
 
 std::string nearest_name(std::string_view given, std::span<const std::string> allowed) {

@@ -1,16 +1,18 @@
-// One description of a struct's fields, from which its JSON is read, checked and written and its JSON Schema made.
+// One description of a struct's fields, from which its JSON is read, checked and written and its JSON Schema
+// made.
 //
 // A struct takes part by a function beside it, found by argument-dependent lookup:
 //
 //     struct Spring { double stiffness = 0; std::optional<double> preload; };
 //     template <class Visitor> void describe(Visitor& visit, Spring& s) {
-//       visit("stiffness", s.stiffness, {.unit = "N/m", .min = 0, .required = true, .doc = "spring constant"});
-//       visit("preload", s.preload, {.unit = "N"});
+//       visit("stiffness", s.stiffness, {.unit = "N/m", .min = 0, .required = true, .doc = "spring
+//       constant"}); visit("preload", s.preload, {.unit = "N"});
 //     }
 //
-// Field types: bool, integers, double, std::string, std::optional<T>, std::vector<T>, nlohmann::json (taken as it is),
-// enumerations with an enum_names(E) -> std::span<const std::pair<E, std::string_view>>, and described structs.
-// Reading collects every problem with its JSON pointer; an unknown key is a problem. Numbers must be finite.
+// Field types: bool, integers, double, std::string, std::optional<T>, std::vector<T>, nlohmann::json (taken
+// as it is), enumerations with an enum_names(E) -> std::span<const std::pair<E, std::string_view>>, and
+// described structs. Reading collects every problem with its JSON pointer; an unknown key is a problem.
+// Numbers must be finite.
 #pragma once
 
 #include <cmath>
@@ -31,27 +33,46 @@
 namespace ferrobench {
 
 struct FieldInfo {
-  std::string_view unit = "";
+  std::string_view unit{};
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
   bool exclusive_min = false;
   bool required = false;
-  std::string_view doc = "";
+  std::string_view doc{};
 };
+
+// Reading stops adding problems about here: more would help nobody, and hostile input could ask for millions.
+inline constexpr std::size_t max_problems = 200;
 
 namespace fields_detail {
 
 struct NullVisitor {
-  template <class T> void operator()(std::string_view, T&, const FieldInfo&) {}
+  template <class T>
+  void operator()(std::string_view, T&, const FieldInfo&) {}
 };
-template <class T> concept Described = requires(T& t, NullVisitor& v) { describe(v, t); };
-template <class T> concept NamedEnum = std::is_enum_v<T> && requires(T t) { enum_names(t); };
-template <class T> struct optional_of : std::false_type {};
-template <class T> struct optional_of<std::optional<T>> : std::true_type { using type = T; };
-template <class T> struct vector_of : std::false_type {};
-template <class T> struct vector_of<std::vector<T>> : std::true_type { using type = T; };
+template <class T>
+concept Described = requires(T& t, NullVisitor& v) {
+  describe(v, t);
+};
+template <class T>
+concept NamedEnum = std::is_enum_v<T> && requires(T t) {
+  enum_names(t);
+};
+template <class T>
+struct optional_of : std::false_type {};
+template <class T>
+struct optional_of<std::optional<T>> : std::true_type {
+  using type = T;
+};
+template <class T>
+struct vector_of : std::false_type {};
+template <class T>
+struct vector_of<std::vector<T>> : std::true_type {
+  using type = T;
+};
 
-void check_number(double value, const FieldInfo& info, const std::string& path, std::vector<Problem>& problems);
+void check_number(double value, const FieldInfo& info, const std::string& path,
+                  std::vector<Problem>& problems);
 Problem wrong_type(const std::string& path, const nlohmann::json& given, std::string_view expected,
                    const FieldInfo& info);
 Problem unknown_key(const std::string& path, const nlohmann::json& allowed);
@@ -71,12 +92,14 @@ struct Reader {
   std::vector<Problem>& problems;
   nlohmann::json known = nlohmann::json::array();
 
-  template <class T> void operator()(std::string_view name, T& value, const FieldInfo& info) {
+  template <class T>
+  void operator()(std::string_view name, T& value, const FieldInfo& info) {
     known.push_back(name);
     const auto found = object.find(name);
     if (found == object.end()) {
       if (info.required)
-        problems.push_back({.path = pointer(path, name), .message = "is missing", .unit = std::string(info.unit)});
+        problems.push_back(
+            {.path = pointer(path, name), .message = "is missing", .unit = std::string(info.unit)});
       return;
     }
     read_json(*found, value, pointer(path, name), problems, info);
@@ -85,13 +108,15 @@ struct Reader {
 
 struct Writer {
   nlohmann::json out = nlohmann::json::object();
-  template <class T> void operator()(std::string_view name, const T& value, const FieldInfo& info);
+  template <class T>
+  void operator()(std::string_view name, const T& value, const FieldInfo& info);
 };
 
 struct SchemaMaker {
   nlohmann::json properties = nlohmann::json::object();
   nlohmann::json required = nlohmann::json::array();
-  template <class T> void operator()(std::string_view name, T& value, const FieldInfo& info);
+  template <class T>
+  void operator()(std::string_view name, T& value, const FieldInfo& info);
 };
 
 }  // namespace fields_detail
@@ -115,7 +140,7 @@ void read_json(const nlohmann::json& json, T& value, const std::string& path, st
     if (!json.is_array()) return problems.push_back(wrong_type(path, json, "an array", info));
     value.clear();
     value.reserve(json.size());
-    for (std::size_t i = 0; i < json.size(); ++i) {
+    for (std::size_t i = 0; i < json.size() && problems.size() < max_problems; ++i) {
       typename vector_of<T>::type item{};
       read_json(json[i], item, pointer(path, std::to_string(i)), problems, info);
       value.push_back(std::move(item));
@@ -124,7 +149,8 @@ void read_json(const nlohmann::json& json, T& value, const std::string& path, st
     if (!json.is_boolean()) return problems.push_back(wrong_type(path, json, "true or false", info));
     value = json.get<bool>();
   } else if constexpr (std::integral<T>) {
-    const bool whole = json.is_number_integer() || (json.is_number_float() && std::floor(json.get<double>()) == json.get<double>());
+    const bool whole = json.is_number_integer() ||
+                       (json.is_number_float() && std::floor(json.get<double>()) == json.get<double>());
     if (!whole || std::abs(json.get<double>()) > 9.0e15 ||
         (std::unsigned_integral<T> && json.get<double>() < 0) ||
         json.get<double>() > static_cast<double>(std::numeric_limits<T>::max()))
@@ -147,13 +173,15 @@ void read_json(const nlohmann::json& json, T& value, const std::string& path, st
       }
       allowed.push_back(name);
     }
-    problems.push_back({.path = path, .message = "is not one of the names allowed", .given = json, .allowed = allowed});
+    problems.push_back(
+        {.path = path, .message = "is not one of the names allowed", .given = json, .allowed = allowed});
   } else {
     static_assert(Described<T>, "give the type a describe() function");
     if (!json.is_object()) return problems.push_back(wrong_type(path, json, "an object", info));
     Reader reader{json, path, problems};
     describe(reader, value);
     for (const auto& [key, item] : json.items()) {
+      if (problems.size() >= max_problems) return;
       bool known = false;
       for (const auto& name : reader.known) known = known || name == key;
       if (!known) problems.push_back(unknown_key(pointer(path, key), reader.known));
@@ -161,7 +189,8 @@ void read_json(const nlohmann::json& json, T& value, const std::string& path, st
   }
 }
 
-template <class T> nlohmann::json write_json(const T& value) {
+template <class T>
+nlohmann::json write_json(const T& value) {
   using namespace fields_detail;
   if constexpr (optional_of<T>::value) {
     return value ? write_json(*value) : nlohmann::json(nullptr);
@@ -175,7 +204,8 @@ template <class T> nlohmann::json write_json(const T& value) {
     return nullptr;
   } else if constexpr (Described<T>) {
     Writer writer;
-    describe(writer, const_cast<T&>(value));  // describe() takes one non-const form for readers and writers alike
+    describe(writer,
+             const_cast<T&>(value));  // describe() takes one non-const form for readers and writers alike
     return std::move(writer.out);
   } else {
     return value;
@@ -183,7 +213,8 @@ template <class T> nlohmann::json write_json(const T& value) {
 }
 
 // JSON Schema (draft 2020-12) of T; units stand under "x-unit".
-template <class T> nlohmann::json json_schema(const FieldInfo& info = {}) {
+template <class T>
+nlohmann::json json_schema(const FieldInfo& info = {}) {
   using namespace fields_detail;
   nlohmann::json out = nlohmann::json::object();
   if constexpr (std::same_as<T, nlohmann::json>) {
@@ -216,14 +247,16 @@ template <class T> nlohmann::json json_schema(const FieldInfo& info = {}) {
   return out;
 }
 
-template <class T> void fields_detail::Writer::operator()(std::string_view name, const T& value, const FieldInfo&) {
+template <class T>
+void fields_detail::Writer::operator()(std::string_view name, const T& value, const FieldInfo&) {
   if constexpr (optional_of<T>::value) {
     if (!value) return;
   }
   out[std::string(name)] = write_json(value);
 }
 
-template <class T> void fields_detail::SchemaMaker::operator()(std::string_view name, T& value, const FieldInfo& info) {
+template <class T>
+void fields_detail::SchemaMaker::operator()(std::string_view name, T& value, const FieldInfo& info) {
   auto schema = json_schema<T>(info);
   if constexpr (std::is_arithmetic_v<T> || std::same_as<T, std::string> || NamedEnum<T>)
     if (!info.required) schema["default"] = write_json(value);
@@ -232,7 +265,8 @@ template <class T> void fields_detail::SchemaMaker::operator()(std::string_view 
 }
 
 // Reads all of `json` into a T. Throws Error(code, ...) with every problem found.
-template <class T> T parse(const nlohmann::json& json, ErrorCode code, std::string_view what) {
+template <class T>
+T parse(const nlohmann::json& json, ErrorCode code, std::string_view what) {
   T value{};
   std::vector<Problem> problems;
   read_json(json, value, "", problems);
@@ -244,6 +278,10 @@ template <class T> T parse(const nlohmann::json& json, ErrorCode code, std::stri
 // Throws Error(code) that says where it broke.
 nlohmann::json parse_json_text(std::string_view text, ErrorCode code, std::string_view what,
                                std::size_t max_bytes = 16u << 20, int max_depth = 32);
+
+// The start of a text from outside, fit to quote in a message: what is not printable ASCII becomes a question
+// mark.
+std::string excerpt(std::string_view text);
 
 // The nearest of the allowed names to a mistyped one, or "".
 std::string nearest_name(std::string_view given, std::span<const std::string> allowed);

@@ -1,0 +1,59 @@
+// Turns moves into the pieces and the segment table of a waveform, from a given level on.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocols/waveform.h"
+
+namespace ferrobench::protocols {
+
+class Builder {
+ public:
+  // A level l of the file is l * unit / divisor in V/m: two numbers, so that 150 V over 1e-4 m round as
+  // people's own arithmetic does.
+  struct Scale {
+    double unit = 1, divisor = 1;
+  };
+  Builder(double level, Scale scale) : scale_(scale), level_(level) {}
+
+  // What is added from now on belongs to the segment at this JSON pointer; its labels begin with `prefix`.
+  // Throws Error(bad_protocol), as the moves below do, when the program gets too long.
+  void enter(const std::string& path, std::string prefix);
+
+  double level() const { return level_; }
+  bool moves_to(double to) const;          // false where `to` is the present level, within same_level
+  std::string direction(double to) const;  // " up" or " down"
+
+  // Nothing happens where the level does not move.
+  void ramp_to(double to, double rate, std::string_view label);
+  void ramp_in(double to, double time, std::string_view label);
+  void hold(double time, std::string_view label);
+  // phase in radians. The program must be at the sine's first level.
+  void sine(double center, double amplitude, double frequency, double cycles, double phase,
+            std::string_view label);
+
+  // Running numbers in the whole program, from 1.
+  std::string next_ramp() { return std::to_string(++ramps_); }
+  std::string next_hold() { return std::to_string(++holds_); }
+  std::string next_reversal() { return std::to_string(++reversals_); }
+
+  Waveform finish() { return {std::move(pieces_), std::move(segments_)}; }
+
+ private:
+  void step();
+  void add(Piece piece, double rate, std::string_view label);
+  double scaled(double level) const { return level * scale_.unit / scale_.divisor; }
+
+  Scale scale_;
+  double level_;
+  double time_ = 0;
+  std::size_t steps_ = 0;
+  int ramps_ = 0, holds_ = 0, reversals_ = 0;
+  std::string path_, prefix_;
+  std::vector<Piece> pieces_;
+  std::vector<Segment> segments_;
+};
+
+}  // namespace ferrobench::protocols
