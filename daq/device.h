@@ -1,9 +1,10 @@
-// The seam between the bench and what drives a specimen. Virtual bench, replay and hardware differ behind this
-// interface only.
+// The seam between the bench and what drives a specimen. Virtual bench, replay and hardware differ behind
+// this interface only.
 //
-// A device never sees a program, it pulls from a LevelSource, and the only LevelSource is the guard (guard/guard.h).
-// So no level reaches an output unguarded, and pause, stop and trip need nothing from a driver. All calls come from
-// one thread, the acquisition's; a driver may call LevelSource::next from a thread of its own.
+// A device never sees a program, it pulls from a LevelSource, and the only LevelSource is the guard
+// (guard/guard.h). So no level reaches an output unguarded, and pause, stop and trip need nothing from a
+// driver. All calls come from one thread, the acquisition's; a driver may call LevelSource::next from a
+// thread of its own.
 #pragma once
 
 #include <array>
@@ -22,8 +23,8 @@ namespace ferrobench::daq {
 enum class BlockStatus { ok, overrun, underrun, timeout, short_data, stall, device_lost, clipped };
 std::string_view block_status_name(BlockStatus status);
 
-// `rows` rows by `columns` counts, row after row; the columns are those of Device::columns(). A first_sample past the
-// end of the block before is a gap: those rows were lost.
+// `rows` rows by `columns` counts, row after row; the columns are those of Device::columns(). A first_sample
+// past the end of the block before is a gap: those rows were lost.
 struct SampleBlock {
   std::uint64_t first_sample = 0;
   std::size_t rows = 0;
@@ -45,8 +46,8 @@ struct LinearPiece {
 class LevelSource {
  public:
   virtual ~LevelSource() = default;
-  // The next piece, at most max_samples long; 0 samples: the program is over. May be called from any thread. A pause
-  // or stop comes into force with the next piece, so a driver queues no more than about 0.1 s ahead.
+  // The next piece, at most max_samples long; 0 samples: the program is over. May be called from any thread.
+  // A pause or stop comes into force with the next piece, so a driver queues no more than about 0.1 s ahead.
   virtual LinearPiece next(std::uint64_t max_samples) = 0;
 };
 
@@ -74,16 +75,18 @@ class Device {
   // Throws Error(invalid_params) outside what it can do.
   virtual double scan_rate(double asked) const = 0;
 
-  // The level at the output now, V/m.
+  // The level last brought to the output, V/m, as asked for.
   virtual double output() const = 0;
-  // Ends a stream if one is running, then brings the output linearly to `level` at `slew` [V/m/s] and returns when it
-  // is there; nothing is recorded. Also the way to zero when a stream has failed, so it must not depend on one.
+  // Ends a stream if one is running, then brings the output linearly to `level` at `slew` [V/m/s] and returns
+  // when it is there; nothing is recorded. Also the way to zero when a stream has failed, so it must not
+  // depend on one.
   virtual void go_to(double level, double slew) = 0;
-  // Row 0 is taken at the present output; then each piece of n samples gives n rows, until the source is over.
-  // `source` outlives the stream.
+  // Row 0 is taken at the present output; then each piece of n samples gives n rows, until the source is
+  // over. `source` outlives the stream.
   virtual void start(double rate, LevelSource& source) = 0;
-  // Moves the next rows into `block` (its storage is reused). False: every row has been read. Returns within a second
-  // or so even if nothing comes, with no rows and status timeout. Trouble goes into the status; a throw ends the run.
+  // Moves the next rows into `block` (its storage is reused). False: every row has been read. Returns within
+  // a second or so even if nothing comes, with no rows and status timeout. Trouble goes into the status; a
+  // throw ends the run.
   virtual bool read(SampleBlock& block) = 0;
 };
 

@@ -1,5 +1,5 @@
-// The guard: the only way to a device. It checks a program before the start, limits every level that goes out, watches
-// what comes back, and whatever happens brings the output to zero at a bounded slew.
+// The guard: the only way to a device. It checks a program before the start, limits every level that goes
+// out, watches what comes back, and whatever happens brings the output to zero at a bounded slew.
 //
 //     Guard guard(device, limits, interlock);
 //     guard.go_to(program.value(0), slew);
@@ -7,11 +7,10 @@
 //     while (guard.read(block)) ...            // block.command and block.events are filled
 //     guard.outcome(); guard.segments();
 //
-// go_to, start and read belong to one thread. pause, resume, stop, progress and outcome may be called from any.
-// However this scope is left, the destructor leaves the output at zero.
+// A guard serves one run. go_to, start and read belong to one thread. pause, resume, stop, progress and
+// outcome may be called from any. However this scope is left, the destructor leaves the output at zero.
 #pragma once
 
-#include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -24,10 +23,6 @@
 #include "protocols/waveform.h"
 
 namespace ferrobench::daq {
-
-// How a run ended. Only `complete` makes a complete recording.
-enum class End { none, complete, stopped, limit, interlock, fault };
-std::string_view end_name(End end);
 
 struct Outcome {
   End end = End::none;
@@ -60,14 +55,15 @@ class Guard final : private LevelSource {
   // Brings the output to `level` at `slew` [V/m/s], or less where the limits ask for it.
   // Throws Error(limit_exceeded | interlock_open), Error(cancelled) after a stop().
   void go_to(double level, double slew);
-  // Throws Error(limit_exceeded) with every problem of the program, Error(interlock_open), Error(bad_state) if the
-  // output is not at its first level.
-  void start(const protocols::SampledWaveform& program);
-  // False: the run is over, the output at zero (unless outcome() says otherwise). Never throws for a failing device.
+  // Throws Error(limit_exceeded) with every problem of the program, Error(interlock_open), Error(bad_state)
+  // if the output is not at its first level.
+  void start(protocols::SampledWaveform program);
+  // False: the run is over, the output at zero (unless outcome() says otherwise). Never throws for a failing
+  // device.
   bool read(SampleBlock& block);
 
-  // Keeps the field where it is once the program is in a hold (now or later); samples keep coming and the hold gets
-  // longer. Throws Error(bad_state) if no hold is left or nothing runs.
+  // Keeps the field where it is once the program is in a hold (now or later); samples keep coming and the
+  // hold gets longer. Throws Error(bad_state) if no hold is left or nothing runs.
   void pause();
   void resume();
   // Leaves the program: the output ramps to zero at stop_slew, with samples, and read() then ends.
@@ -75,29 +71,29 @@ class Guard final : private LevelSource {
 
   Progress progress() const;
   Outcome outcome() const;
-  // The segment table as played: holds longer by their pauses, cut at a stop, the way back as a ramp "safe stop".
+  // The segment table as played: holds longer by their pauses, cut at a stop, the way back as a ramp "safe
+  // stop".
   std::vector<recordings::SegmentRow> segments() const;
 
  private:
   LinearPiece next(std::uint64_t max_samples) override;
-  std::string fault_in(const SampleBlock& block) const;
-  void watch(SampleBlock& block);
-  void say(SampleBlock& block, double time, const char* kind, std::string message) const;
-  bool finish(End end, std::string reason);
-  bool make_safe() noexcept;
   void demand_interlock() const;
+  void demand_fresh();
+  std::string fault_in(SampleBlock& block);
+  void account(SampleBlock& block);
+  bool finish(End end, std::string reason, SampleBlock& block);
+  bool make_safe() noexcept;
 
   Device& device_;
   Limits limits_;
   Interlock interlock_;
+  std::size_t columns_;
   Trips trips_;
-  std::size_t columns_ = 0;
 
   mutable std::mutex mutex_;  // over everything below
   std::optional<Feed> feed_;
   Outcome outcome_;
-  bool stop_wanted_ = false;
-  std::string stop_reason_;
+  std::optional<std::string> stop_wanted_;  // before there was a feed to tell
   std::uint64_t rows_read_ = 0;
   int silent_reads_ = 0;
   BlockStatus last_status_ = BlockStatus::ok;

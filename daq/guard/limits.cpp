@@ -15,10 +15,10 @@ std::vector<Problem> problems(const Limits& limits) {
   };
   demand(limits.field_min < limits.field_max, "/field_max", "must be above field_min", limits.field_max,
          limits.field_min, "V/m", "the range holds zero, the safe state, and something to play");
-  demand(limits.stop_slew <= limits.slew, "/stop_slew", "must not be above slew", limits.stop_slew, limits.slew,
-         "V/m/s", "a safe stop is no steeper than the rest");
-  demand(limits.displacement_min < limits.displacement_max, "/displacement_max", "must be above displacement_min",
-         limits.displacement_max, limits.displacement_min, "m", "");
+  demand(limits.stop_slew <= limits.slew, "/stop_slew", "must not be above slew", limits.stop_slew,
+         limits.slew, "V/m/s", "a safe stop is no steeper than the rest");
+  demand(limits.displacement_min < limits.displacement_max, "/displacement_max",
+         "must be above displacement_min", limits.displacement_max, limits.displacement_min, "m", "");
   demand(limits.force_min < limits.force_max, "/force_max", "must be above force_min", limits.force_max,
          limits.force_min, "N", "");
   return out;

@@ -7,8 +7,8 @@
 
 namespace ferrobench::daq {
 
-// The defaults let every shipped experiment run on every shipped specimen (100 um layers, up to 150 V, 20 mm), and
-// little more. Zero field is the safe state, so the field range always holds it.
+// The defaults let every shipped experiment run on every shipped specimen (100 um layers, up to 150 V, 20
+// mm), and little more. Zero field is the safe state, so the field range always holds it.
 struct Limits {
   double field_min = -1.6e6;  // V/m
   double field_max = 1.6e6;   // V/m
@@ -27,18 +27,30 @@ struct Limits {
 
 template <class Visitor>
 void describe(Visitor& visit, Limits& l) {
-  visit("field_min", l.field_min, {.unit = "V/m", .min = -1e9, .max = 0, .doc = "lowest field of the output"});
-  visit("field_max", l.field_max, {.unit = "V/m", .min = 0, .max = 1e9, .doc = "highest field of the output"});
+  visit("field_min", l.field_min,
+        {.unit = "V/m", .min = -1e9, .max = 0, .doc = "lowest field of the output"});
+  visit("field_max", l.field_max,
+        {.unit = "V/m", .min = 0, .max = 1e9, .doc = "highest field of the output"});
   visit("slew", l.slew,
-        {.unit = "V/m/s", .min = 0, .max = 1e12, .exclusive_min = true, .doc = "steepest change of the output"});
+        {.unit = "V/m/s",
+         .min = 0,
+         .max = 1e12,
+         .exclusive_min = true,
+         .doc = "steepest change of the output"});
   visit("stop_slew", l.stop_slew,
-        {.unit = "V/m/s", .min = 0, .max = 1e12, .exclusive_min = true, .doc = "slew of every way back to zero"});
+        {.unit = "V/m/s",
+         .min = 0,
+         .max = 1e12,
+         .exclusive_min = true,
+         .doc = "slew of every way back to zero"});
   visit("reverse_field_threshold", l.reverse_field_threshold,
         {.unit = "V/m", .min = -1e9, .max = 0, .doc = "a field below this counts as reverse"});
   visit("reverse_field_time", l.reverse_field_time,
         {.unit = "s", .min = 0, .max = 1e9, .doc = "longest time at reverse field in one go"});
-  visit("displacement_min", l.displacement_min, {.unit = "m", .max = 0, .doc = "measured, below it the run stops"});
-  visit("displacement_max", l.displacement_max, {.unit = "m", .min = 0, .doc = "measured, above it the run stops"});
+  visit("displacement_min", l.displacement_min,
+        {.unit = "m", .max = 0, .doc = "measured, below it the run stops"});
+  visit("displacement_max", l.displacement_max,
+        {.unit = "m", .min = 0, .doc = "measured, above it the run stops"});
   visit("force_min", l.force_min, {.unit = "N", .doc = "measured, below it the run stops"});
   visit("force_max", l.force_max, {.unit = "N", .doc = "measured, above it the run stops"});
   visit("monitor_margin", l.monitor_margin,

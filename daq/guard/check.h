@@ -1,0 +1,17 @@
+// The whole program against the limits, before anything moves.
+#pragma once
+
+#include <vector>
+
+#include "daq/guard/limits.h"
+#include "protocols/waveform.h"
+
+namespace ferrobench::daq {
+
+// Every problem of the program as it will be sampled (a program with more corners than samples is slower than
+// written). Exact: extremes, slews and times at reverse field come from the pieces, not from samples. Paths
+// are
+// "/segments/N/..." in the program's segment table.
+std::vector<Problem> check(const protocols::SampledWaveform& program, const Limits& limits);
+
+}  // namespace ferrobench::daq

@@ -1,0 +1,161 @@
+#include "daq/guard/feed.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ferrobench::daq {
+
+using protocols::PieceKind;
+
+std::string_view end_name(End end) {
+  constexpr std::array<std::string_view, 6> names{"none",  "complete",  "stopped",
+                                                  "limit", "interlock", "fault"};
+  return names.at(static_cast<std::size_t>(end));
+}
+
+Feed::Feed(protocols::SampledWaveform program, const Limits& limits)
+    : program_(std::move(program)),
+      limits_(limits),
+      limiter_(limits, program_.rate(), program_.value(0)),
+      commands_{program_.value(0)} {}
+
+bool Feed::over() const {
+  return stopping() ? limiter_.level() == 0 : index_ == program_.waveform().pieces().size();
+}
+
+std::uint64_t Feed::expected() const {
+  if (!stopping()) return program_.size() + waited_;
+  return issued_ +
+         static_cast<std::uint64_t>(std::ceil(std::abs(limiter_.level()) / limits_.stop_slew * rate()));
+}
+
+LinearPiece Feed::next(std::uint64_t max_samples) {
+  if (max_samples == 0 || over()) return {};
+  const double from = limiter_.level();
+  const bool leaving = stopping();
+  const LinearPiece piece = limiter_.pass(leaving ? stop_piece(max_samples) : program_piece(max_samples));
+  const bool altered = limiter_.altered();
+  account(piece, from);
+  if (!leaving && altered) stop(End::limit, "the program went past a limit and was held back");
+  return piece;
+}
+
+LinearPiece Feed::program_piece(std::uint64_t max_samples) {
+  const auto& piece = program_.waveform().pieces()[index_];
+  const auto begin = program_.corners()[index_];
+  const auto length = program_.corners()[index_ + 1] - begin;
+
+  if (opened_ == index_) {
+    ++opened_;
+    const auto table = program_.waveform().segments();
+    recordings::SegmentRow row{
+        .kind = piece.kind == PieceKind::hold ? "hold" : "ramp", .label = {}, .level = piece.to};
+    if (index_ < table.size()) {
+      row.label = table[index_].label;
+      row.rate = table[index_].rate;
+    }
+    open_segment(std::move(row));
+  }
+  if (pause_wanted_ && piece.kind == PieceKind::hold) {
+    if (!paused_) say("pause", "paused by request; the hold gets longer");
+    paused_ = true;
+    waited_ += max_samples;
+    return {.samples = max_samples, .level = limiter_.level(), .waiting = true};
+  }
+
+  const std::uint64_t count = piece.kind == PieceKind::sine ? 1 : std::min(max_samples, length - offset_);
+  offset_ += count;
+  const double level = program_.value(begin + offset_);
+  if (offset_ == length) {
+    ++index_;
+    offset_ = 0;
+  }
+  return {.samples = count, .level = level};
+}
+
+LinearPiece Feed::stop_piece(std::uint64_t max_samples) {
+  const double level = limiter_.level();
+  const double step = limits_.stop_slew / rate();
+  const double needed = std::ceil(std::abs(level) / step);
+  if (needed <= static_cast<double>(max_samples)) return {.samples = static_cast<std::uint64_t>(needed)};
+  return {.samples = max_samples,
+          .level = level - std::copysign(step * static_cast<double>(max_samples), level)};
+}
+
+void Feed::account(const LinearPiece& piece, double from) {
+  const double share = (piece.level - from) / static_cast<double>(piece.samples);
+  const std::size_t old = commands_.size();
+  commands_.resize(old + piece.samples);
+  for (std::uint64_t i = 1; i < piece.samples; ++i)
+    commands_[old + i - 1] = from + share * static_cast<double>(i);
+  commands_.back() = piece.level;
+  issued_ += piece.samples;
+
+  const double duration = static_cast<double>(piece.samples) / rate();
+  const double reversed =
+      reverse_.add(linear_time_below(from, piece.level, duration, limits_.reverse_field_threshold));
+  // The chords of a sampled sine cross the threshold up to a sample away from where the checked sine does.
+  if (reversed > limits_.reverse_field_time * (1 + 1e-9) + 2 / rate())
+    stop(End::limit, "the field was reversed for longer than reverse_field_time allows");
+}
+
+void Feed::pause() {
+  const auto pieces = program_.waveform().pieces();
+  const auto hold =
+      std::find_if(pieces.begin() + static_cast<std::ptrdiff_t>(std::min(index_, pieces.size())),
+                   pieces.end(), [](const auto& p) { return p.kind == PieceKind::hold; });
+  if (stopping() || hold == pieces.end())
+    throw Error(ErrorCode::bad_state, "there is no hold left to pause in",
+                Problem{.message = "a program can only pause in a hold", .hint = "stop the run instead"});
+  pause_wanted_ = true;
+}
+
+void Feed::resume() {
+  if (paused_) say("resume", "resumed by request");
+  pause_wanted_ = paused_ = false;
+}
+
+void Feed::stop(End end, const std::string& reason) {
+  if (stopping() || over()) return;
+  end_ = end;
+  reason_ = reason;
+  pause_wanted_ = paused_ = false;
+  say(end == End::stopped ? "stop" : end_name(end), reason);
+  open_segment({.kind = "ramp", .label = "safe stop", .level = 0, .rate = limits_.stop_slew});
+}
+
+// A segment starts with the last row of the one before, where both have the same level.
+void Feed::open_segment(recordings::SegmentRow row) {
+  row.start_sample = static_cast<std::int64_t>(issued_ - 1);
+  segments_.push_back(std::move(row));
+}
+
+void Feed::say(std::string_view kind, std::string message) {
+  events_.push_back({static_cast<double>(issued_ - 1) / rate(), std::string(kind), std::move(message)});
+}
+
+void Feed::take_commands(std::uint64_t first, std::size_t rows, std::vector<double>& out) {
+  const auto begin = commands_.begin() + static_cast<std::ptrdiff_t>(first - taken_);
+  const auto end = begin + static_cast<std::ptrdiff_t>(rows);
+  out.assign(begin, end);
+  commands_.erase(commands_.begin(), end);
+  taken_ = first + rows;
+}
+
+void Feed::take_events(std::vector<recordings::Event>& out) {
+  std::move(events_.begin(), events_.end(), std::back_inserter(out));
+  events_.clear();
+}
+
+std::vector<recordings::SegmentRow> Feed::segments(std::uint64_t rows) const {
+  std::vector<recordings::SegmentRow> out;
+  const auto total = static_cast<std::int64_t>(std::min(rows, issued_));
+  for (std::size_t i = 0; i < segments_.size(); ++i) {
+    auto row = segments_[i];
+    row.end_sample = i + 1 < segments_.size() ? std::min(segments_[i + 1].start_sample, total) : total;
+    if (row.end_sample > row.start_sample) out.push_back(std::move(row));
+  }
+  return out;
+}
+
+}  // namespace ferrobench::daq

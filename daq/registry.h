@@ -1,0 +1,23 @@
+// The kinds of device that this program knows, by name.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "daq/device.h"
+
+namespace ferrobench::daq {
+
+struct DeviceKind {
+  std::string_view name;
+  std::string_view description;
+  nlohmann::json (*schema)();  // JSON Schema of the configuration
+  std::unique_ptr<Device> (*open)(const nlohmann::json& config);
+};
+
+std::span<const DeviceKind> device_kinds();
+// `config` null or {}: the defaults. Throws Error(not_found) with the nearest name, and what the kind's
+// open() throws.
+std::unique_ptr<Device> open_device(std::string_view name, const nlohmann::json& config);
+
+}  // namespace ferrobench::daq

@@ -1,0 +1,230 @@
+#include "daq/guard/guard.h"
+
+#include <gtest/gtest.h>
+
+#include "faulty_device.h"
+#include "programs.h"
+
+namespace ferrobench::daq {
+namespace {
+
+protocols::SampledWaveform loop() {
+  return program({line(0, 1e6, 1), line(1e6, 1e6, 1), line(1e6, -1e5, 1), line(-1e5, 3e5, 1)}, 1000);
+}
+
+struct Run {
+  explicit Run(const Limits& given = {}) : limits(given), device(given) {}
+
+  // Reads to the end; `each` is called with the guard before every read.
+  template <class Each>
+  Outcome go(Each each, Interlock interlock = {}) {
+    Guard guard(device, limits, std::move(interlock));
+    guard.go_to(0, limits.slew);
+    guard.start(loop());
+    for (SampleBlock block; each(guard), guard.read(block);) {
+      EXPECT_EQ(block.counts.size(), block.rows * 2);
+      EXPECT_EQ(block.command.size(), block.rows);
+      rows += block.rows;
+      for (const auto& event : block.events) events.push_back(event.kind);
+    }
+    segments = guard.segments();
+    EXPECT_EQ(guard.progress().state, Progress::State::ended);
+    EXPECT_EQ(guard.progress().rows_read, rows + lost);
+    SampleBlock after;
+    EXPECT_FALSE(guard.read(after));
+    return guard.outcome();
+  }
+  Outcome go() {
+    return go([](Guard&) {});
+  }
+  void expect_safe(const Outcome& outcome) const {
+    EXPECT_TRUE(outcome.output_at_zero);
+    EXPECT_EQ(device.output(), 0);
+    EXPECT_EQ(device.watched.crime(), "");
+  }
+
+  Limits limits;
+  FaultyDevice device;
+  std::size_t rows = 0;
+  std::size_t lost = 0;
+  std::vector<std::string> events;
+  std::vector<recordings::SegmentRow> segments;
+};
+
+using Kinds = std::vector<std::string>;
+
+TEST(Guard, ACompleteRunHasEveryRowOfTheProgramAndEndsAtZero) {
+  Run run;
+  const auto outcome = run.go();
+  EXPECT_EQ(outcome.end, End::complete);
+  EXPECT_EQ(outcome.reason, "");
+  EXPECT_EQ(run.rows, loop().size());
+  EXPECT_EQ(run.events, Kinds{});
+  ASSERT_EQ(run.segments.size(), 4U);
+  EXPECT_EQ(run.segments[3].end_sample, 4001);
+  EXPECT_LE(run.device.steepest_go_to, run.limits.stop_slew);
+  run.expect_safe(outcome);
+}
+
+TEST(Guard, AStopIsARampInTheRecording) {
+  Run run;
+  const auto outcome = run.go([&run](Guard& guard) {
+    if (run.rows > 1500) guard.stop("operator");
+  });
+  EXPECT_EQ(outcome.end, End::stopped);
+  EXPECT_EQ(outcome.reason, "operator");
+  EXPECT_EQ(run.events, Kinds{"stop"});
+  EXPECT_EQ(run.segments.back().label, "safe stop");
+  EXPECT_NEAR(static_cast<double>(run.rows), 1500 + 1000, 130);
+  run.expect_safe(outcome);
+}
+
+TEST(Guard, AStopBeforeTheStartIsNotForgotten) {
+  Run run;
+  Guard guard(run.device, run.limits);
+  guard.stop("changed my mind");
+  EXPECT_THROW(guard.go_to(1e6, 1e6), Error);
+  EXPECT_THROW(guard.start(loop()), Error);
+  EXPECT_EQ(run.device.output(), 0);
+}
+
+TEST(Guard, AMeasuredValuePastItsLimitTrips) {
+  Run run;
+  run.device.displacement = 11000;  // 110 um
+  const auto outcome = run.go();
+  EXPECT_EQ(outcome.end, End::limit);
+  EXPECT_NE(outcome.reason.find("displacement"), std::string::npos) << outcome.reason;
+  EXPECT_EQ(run.events, Kinds{"limit"});
+  run.expect_safe(outcome);
+}
+
+TEST(Guard, AnAmplifierThatRunsAwayTrips) {
+  Run run;
+  Guard guard(run.device, run.limits);
+  run.device.monitor_gain = 10;  // the monitor now shows 20 times what is put out
+  guard.start(loop());
+  for (SampleBlock block; guard.read(block);) {
+  }
+  EXPECT_EQ(guard.outcome().end, End::limit);
+  EXPECT_LT(guard.progress().rows_read, 2000U);
+}
+
+TEST(Guard, AnOpenInterlockForbidsTheStartAndStopsARun) {
+  Run run;
+  bool closed = true;
+  const auto outcome = run.go([&](Guard&) { closed = run.rows < 1200; }, [&closed] { return closed; });
+  EXPECT_EQ(outcome.end, End::interlock);
+  EXPECT_EQ(run.events, Kinds{"interlock"});
+  run.expect_safe(outcome);
+
+  closed = false;
+  Guard guard(run.device, run.limits, [&closed] { return closed; });
+  EXPECT_THROW(guard.go_to(1e6, 1e6), Error);
+  EXPECT_THROW(guard.start(loop()), Error);
+}
+
+TEST(Guard, PausesOnlyInAHold) {
+  Run run;
+  int reads = 0;
+  const auto outcome = run.go([&](Guard& guard) {
+    ++reads;
+    if (reads == 20) {
+      guard.pause();
+      EXPECT_EQ(guard.progress().state, Progress::State::paused);
+    }
+    if (reads == 3) guard.pause();
+    if (reads == 3) EXPECT_EQ(guard.progress().state, Progress::State::pausing);
+    if (reads == 40) {
+      EXPECT_EQ(guard.progress().state, Progress::State::paused);
+      guard.resume();
+      EXPECT_THROW(guard.resume(), Error);
+    }
+    if (guard.progress().rows_read > 3500) EXPECT_THROW(guard.pause(), Error);
+  });
+  EXPECT_EQ(outcome.end, End::complete);
+  EXPECT_GT(run.rows, loop().size() + 20 * 64);
+  EXPECT_EQ(run.events, (Kinds{"pause", "resume"}));
+  EXPECT_EQ(static_cast<std::size_t>(run.segments.back().end_sample), run.rows);
+  run.expect_safe(outcome);
+}
+
+TEST(Guard, SurvivesADeviceThatFails) {
+  for (const auto fault : {Fault::throws, Fault::throws_oddly, Fault::hangs, Fault::torn, Fault::stray,
+                           Fault::ends_early, Fault::lost, Fault::underrun}) {
+    for (const int deaf : {0, 2}) {
+      Run run;
+      run.device.fault = fault;
+      run.device.fault_at = 20;
+      const auto outcome = run.go([&](Guard&) {
+        if (run.rows > 1200) run.device.deaf = deaf;
+      });
+      EXPECT_EQ(outcome.end, End::fault) << static_cast<int>(fault);
+      EXPECT_NE(outcome.reason, "");
+      EXPECT_EQ(run.rows, 20U * 64U);
+      EXPECT_EQ(run.events.back(), "fault");
+      run.expect_safe(outcome);
+    }
+  }
+}
+
+TEST(Guard, GoesOnThroughLostRowsAndSaysSo) {
+  Run run;
+  run.device.fault = Fault::gap;
+  run.device.fault_at = 20;
+  run.lost = 1;
+  const auto outcome = run.go();
+  EXPECT_EQ(outcome.end, End::complete);
+  EXPECT_EQ(run.rows, loop().size() - 1);
+  EXPECT_EQ(run.events, (Kinds{"gap", "overrun"}));
+  run.expect_safe(outcome);
+}
+
+TEST(Guard, SaysSoWhenTheOutputCannotBeBroughtToZero) {
+  Run run;
+  run.device.fault = Fault::throws;
+  run.device.fault_at = 10;
+  const auto outcome = run.go([&](Guard&) { run.device.deaf = 1000; });
+  EXPECT_EQ(outcome.end, End::fault);
+  EXPECT_FALSE(outcome.output_at_zero);
+  EXPECT_NE(run.device.output(), 0);
+}
+
+TEST(Guard, LeavesZeroBehindWhenItsScopeIsLeft) {
+  FaultyDevice device{Limits{}};
+  try {
+    Guard guard(device, Limits{});
+    guard.start(loop());
+    SampleBlock block;
+    for (int i = 0; i < 20; ++i) guard.read(block);
+    EXPECT_NE(device.output(), 0);
+    throw std::runtime_error("the disk is full");
+  } catch (const std::runtime_error&) {
+  }
+  EXPECT_EQ(device.output(), 0);
+  EXPECT_LE(device.steepest_go_to, Limits{}.stop_slew);
+  EXPECT_EQ(device.watched.crime(), "");
+}
+
+TEST(Guard, RefusesWhatWouldPassALimit) {
+  FaultyDevice device{Limits{}};
+  Guard guard(device, Limits{});
+  try {
+    guard.start(program({line(0, 3e6, 1)}, 100));
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::limit_exceeded);
+    EXPECT_EQ(error.problems().at(0).path, "/segments/0/level");
+  }
+  EXPECT_THROW(guard.go_to(-1.7e6, 1e6), Error);
+  EXPECT_THROW(guard.go_to(std::nan(""), 1e6), Error);
+  EXPECT_THROW(guard.go_to(0, 0), Error);
+  EXPECT_THROW(guard.start(program({line(1e5, 0, 1)}, 100)), Error) << "the output is not there yet";
+  EXPECT_EQ(device.watched.samples(), 0U);
+
+  Limits senseless;
+  senseless.stop_slew = -1;
+  EXPECT_THROW(Guard(device, senseless), Error);
+}
+
+}  // namespace
+}  // namespace ferrobench::daq
