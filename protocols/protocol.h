@@ -33,8 +33,8 @@ struct ProtocolLoad {
 };
 
 struct ExpandOptions {
-  double layer_thickness = 0;                // m; 0: take the protocol's own
-  std::map<std::string, double> parameters;  // override the protocol's own
+  double layer_thickness = 0;                  // m; 0: take the protocol's own
+  std::map<std::string, double> parameters{};  // override the protocol's own
 };
 
 class Protocol {
