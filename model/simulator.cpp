@@ -169,6 +169,19 @@ struct Simulator::State {
     return lag(material.field, resistance_input, trial.resistance_input, trial.h, r * permittivity(material));
   }
 
+  // How far the stress at mid-step is off the line between the step's ends, by the fractions' cubic.
+  Loads bend(const Trial& trial, double per_stress) const {
+    MaterialState middle = material;
+    Means m;
+    const auto& end = trial.means;
+    m.plus = cubic(means.plus, end.plus, means.plus_rate, end.plus_rate, trial.h, 0.5);
+    m.minus = cubic(means.minus, end.minus, means.minus_rate, end.minus_rate, trial.h, 0.5);
+    fill(middle, m, 0.5 * trial.h, 0.5 * (material.field + trial.end.field));
+    mechanics->propose(0.5 * trial.h, middle);
+    const double limit = 0.5 / per_stress;
+    return {0, std::clamp(middle.stress - 0.5 * (material.stress + trial.end.stress), -limit, limit)};
+  }
+
   // Solves the step's end: the loads that the kinetics see must be those that the fractions bring about.
   bool solve(Trial& trial) {
     const double h = trial.h;
@@ -192,14 +205,15 @@ struct Simulator::State {
     trial.end.field = trial.monitor;
     const Loads first = loads_after(guess);
     if (!coupled) {
-      trial.means = kinetics->propose(h, first);
+      trial.means = kinetics->propose(h, first, {});
       loads_after(trial.means);
       return true;
     }
+    trial.means = guess;
     const double per_stress = constants.inverse_energy * std::abs(constants.strain_90);
     const double per_field = constants.inverse_energy * constants.polarization;
     return coupling.solve(first, {1 / per_field, 1 / per_stress}, 0.05 * options.tolerance, [&](const Loads& at) {
-      trial.means = kinetics->propose(h, at);
+      trial.means = kinetics->propose(h, at, bend(trial, per_stress));
       return Coupling::Answer{loads_after(trial.means), trial.means.plus, trial.means.minus};
     });
   }

@@ -74,11 +74,12 @@ Domains make_domains(const Material& material, const Polycrystal& p, int count, 
     const std::array<double, 3> step{0.8191725133961645, 0.6710436067037893, 0.5497004779019703};
     for (int i = 0; i < dimensions; ++i)
       offset[i] = std::fmod(0.5 + step.at(static_cast<std::size_t>(i)) * static_cast<double>(shift % 1000003), 1.0);
-    const int reach = static_cast<int>(std::ceil(2.5 * radius / spacing)) + 2;
-    const int reach2 = dimensions > 1 ? reach : 0, reach3 = dimensions > 2 ? reach : 0;
-    for (int i = -reach; i <= reach; ++i)
-      for (int j = -reach2; j <= reach2; ++j)
-        for (int k = -reach3; k <= reach3; ++k) {
+    // Along each lattice vector the ball spans radius times the length of the inverse basis's row.
+    const Eigen::Matrix3d inverse = basis.inverse();
+    const auto reach = [&](int row) { return row < dimensions ? static_cast<int>(std::ceil(radius * inverse.row(row).norm())) + 1 : 0; };
+    for (int i = -reach(0); i <= reach(0); ++i)
+      for (int j = -reach(1); j <= reach(1); ++j)
+        for (int k = -reach(2); k <= reach(2); ++k) {
           const Vector z = basis * (Vector(i, j, k) + offset);
           if (z.head(dimensions).squaredNorm() <= radius * radius) nodes.push_back(z);
         }

@@ -36,7 +36,8 @@ Ensemble::Ensemble(const Domains& given, const KineticConstants& constants, doub
       rates->log_rate[j].assign(padded, 0.0);
       rates->rate[j].assign(padded, 0.0);
     }
-  for (auto* column : {&wake_path_, &wake_time_, &then_plus_, &then_minus_, &outflow_}) column->assign(padded, 0.0);
+  for (auto* column : {&then_plus_, &then_minus_, &outflow_falling_, &outflow_rising_}) column->assign(padded, 0.0);
+  bounds_.resize(size_);
 }
 
 DomainColumns Ensemble::domains(std::size_t first) const {
@@ -48,103 +49,130 @@ void Ensemble::start(const Loads& at) {
   std::fill(columns_[plus].begin(), columns_[plus].end(), 1.0);
   std::fill(columns_[minus].begin(), columns_[minus].end(), 0.0);
   at_ = at;
-  time_ = path_ = 0;
+  time_ = stress_path_ = 0;
   awake_ = size_;
   asleep_plus_ = asleep_minus_ = 0;
-  next_wake_path_ = next_wake_time_ = std::numeric_limits<double>::infinity();
+  tightest_ = boundless();
   evaluate_rates(constants_, domains(), size_, at_, now_.columns());
   means_ = {};
   double plus_rate = 0;
   for (std::size_t i = 0; i < size_; ++i) plus_rate -= columns_[weight][i] * now_.rate[0][i];
   means_.plus_rate = plus_rate / constants_.relaxation_time;
   proposed_h_ = 1e-3 * constants_.relaxation_time;
-  for (std::size_t i = 0; i < size_; ++i) outflow_[i] = now_.rate[0][i];
-  put_to_sleep();
+  for (std::size_t i = 0; i < size_; ++i) {
+    outflow_falling_[i] = now_.rate[0][i];
+    outflow_rising_[i] = 0;
+  }
+  put_to_sleep(0);
 }
 
-// Bound on the rise of ln(rate) between two loads: |d dg/dF| <= 1 and |dF/dE|, |dF/dsigma| at their largest.
-double Ensemble::path(const Loads& from, const Loads& to) const {
+Ensemble::Bounds Ensemble::boundless() {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  return {-infinity, infinity, infinity, infinity};
+}
+
+void Ensemble::tighten(Bounds& bounds, const Bounds& by) {
+  bounds.low_field = std::max(bounds.low_field, by.low_field);
+  bounds.high_field = std::min(bounds.high_field, by.high_field);
+  bounds.stress_path = std::min(bounds.stress_path, by.stress_path);
+  bounds.time = std::min(bounds.time, by.time);
+}
+
+// |d dg/dF| <= 1, with |dF/dE| and |dF/dsigma| at their largest.
+Ensemble::Sensitivity Ensemble::sensitivity(const Loads& a, const Loads& b) const {
   const auto& k = constants_;
-  const double e = std::max(std::abs(from.field), std::abs(to.field)) + largest_field_;
-  const double s = std::max(std::abs(from.stress), std::abs(to.stress)) + largest_stress_;
-  const double by_field = k.polarization + std::abs(k.piezoelectric) * s + 2 * std::abs(k.half_permittivity) * e;
+  const double e = std::max(std::abs(a.field), std::abs(b.field)) + largest_field_;
+  const double s = std::max(std::abs(a.stress), std::abs(b.stress)) + largest_stress_;
+  const double besides = std::abs(k.piezoelectric) * s + 2 * std::abs(k.half_permittivity) * e;
   const double by_stress = std::abs(k.strain_90) + std::abs(k.piezoelectric) * e + 2 * std::abs(k.half_compliance) * s +
                            largest_barrier_ * std::abs(k.stress_stabilization);
-  return k.inverse_energy * (by_field * std::abs(to.field - from.field) + by_stress * std::abs(to.stress - from.stress));
+  return {k.inverse_energy * (k.polarization + besides), k.inverse_energy * by_stress, besides < k.polarization};
 }
 
 void Ensemble::swap_rows(std::size_t i, std::size_t j) {
   for (auto& column : columns_) std::swap(column[i], column[j]);
 }
 
-void Ensemble::wake(double path_end, double time_end) {
-  if (path_end < next_wake_path_ && time_end < next_wake_time_) return;
+void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
+  const auto within = [&](const Bounds& b) {
+    return to.field > b.low_field && to.field < b.high_field && stress_path_end < b.stress_path && time_end < b.time;
+  };
+  if (within(tightest_)) return;
   const std::size_t first = awake_;
-  next_wake_path_ = next_wake_time_ = std::numeric_limits<double>::infinity();
+  tightest_ = boundless();
   for (std::size_t i = awake_; i < size_; ++i) {
-    if (path_end < wake_path_[i] && time_end < wake_time_[i]) {
-      next_wake_path_ = std::min(next_wake_path_, wake_path_[i]);
-      next_wake_time_ = std::min(next_wake_time_, wake_time_[i]);
+    if (within(bounds_[i])) {
+      tighten(tightest_, bounds_[i]);
       continue;
     }
     asleep_plus_ -= columns_[weight][i] * columns_[plus][i];
     asleep_minus_ -= columns_[weight][i] * columns_[minus][i];
     swap_rows(i, awake_);
-    wake_path_[i] = wake_path_[awake_];
-    wake_time_[i] = wake_time_[awake_];
+    bounds_[i] = bounds_[awake_];
     ++awake_;
   }
   if (awake_ > first) evaluate_rates(constants_, domains(first), awake_ - first, at_, now_.columns(first));
 }
 
-// A domain whose outflow could not move `negligible` within e^3 steps of this length may sleep. Most of the margin is
-// granted to the loads' path, the rest to time.
-void Ensemble::put_to_sleep() {
+// A domain may sleep if its outflow could not move `negligible` within e^3 steps like the last, nor will in the next.
+// Half of the margin is granted to the field, the rest to stress and time.
+void Ensemble::put_to_sleep(double field_step) {
   const double span = proposed_h_ / constants_.relaxation_time;
   const double limit = negligible_ * std::exp(-3.0) / span;
+  const auto s = sensitivity(at_, at_);
+  const double field_share = 0.5 / s.field, stress_share = 0.25 / s.stress;
+  const double next_low = at_.field + 2 * std::min(0.0, field_step), next_high = at_.field + 2 * std::max(0.0, field_step);
+  const auto margin = [&](double outflow) {
+    return outflow > 0 ? std::min(600.0, std::log(negligible_ / (outflow * span))) : 600.0;
+  };
   for (std::size_t i = awake_; i-- > 0;) {
-    if (outflow_[i] > limit) continue;
-    const double margin = outflow_[i] > 0 ? std::min(600.0, std::log(negligible_ / (outflow_[i] * span))) : 600.0;
+    double falling = outflow_falling_[i], rising = outflow_rising_[i];
+    if (!(falling + rising <= limit)) continue;
+    if (!s.ordered) falling = rising = falling + rising;
+    const double margin_falling = margin(falling), margin_rising = margin(rising);
+    const double least = std::min(margin_falling, margin_rising);
+    const Bounds bounds{at_.field - field_share * margin_falling, at_.field + field_share * margin_rising,
+                        stress_path_ + stress_share * least, time_ + proposed_h_ * std::exp(0.25 * least)};
+    if (next_low <= bounds.low_field || next_high >= bounds.high_field) continue;
     const std::size_t last = --awake_;
     asleep_plus_ += columns_[weight][i] * columns_[plus][i];
     asleep_minus_ += columns_[weight][i] * columns_[minus][i];
     if (i != last) {
       swap_rows(i, last);
-      outflow_[i] = outflow_[last];
       for (std::size_t j = 0; j < 4; ++j) {
         now_.log_rate[j][i] = now_.log_rate[j][last];
         now_.rate[j][i] = now_.rate[j][last];
       }
     }
-    wake_path_[last] = path_ + 0.75 * margin;
-    wake_time_[last] = time_ + proposed_h_ * std::exp(0.25 * margin);
-    next_wake_path_ = std::min(next_wake_path_, wake_path_[last]);
-    next_wake_time_ = std::min(next_wake_time_, wake_time_[last]);
+    bounds_[last] = bounds;
+    tighten(tightest_, bounds);
   }
 }
 
-const Means& Ensemble::propose(double h, const Loads& at) {
-  wake(path_ + path(at_, at), time_ + h);
+const Means& Ensemble::propose(double h, const Loads& at, const Loads& bend) {
+  const double stress_path = stress_path_ + std::abs(at.stress - at_.stress) + 2 * std::abs(bend.stress);
+  wake(at, stress_path, time_ + h);
   proposed_at_ = at;
   proposed_h_ = h;
-  held_ = at.field == at_.field && at.stress == at_.stress;
-  const StepOutput out{then_plus_.data(), then_minus_.data(), outflow_.data(), negligible_};
+  held_ = at.field == at_.field && at.stress == at_.stress && bend.field == 0 && bend.stress == 0;
+  const StepOutput out{then_plus_.data(), then_minus_.data(), outflow_falling_.data(), outflow_rising_.data(), negligible_};
   const auto result = held_ ? step_domains_held(constants_, domains(), awake_, h, now_.columns(), out)
-                            : step_domains(constants_, domains(), awake_, h, at, now_.columns(), then_.columns(), out);
+                            : step_domains(constants_, domains(), awake_, h, {at_, at, bend}, now_.columns(), then_.columns(), out);
   domain_steps_ += awake_;
   proposed_ = {result.plus + asleep_plus_, result.minus + asleep_minus_, result.plus_rate, result.minus_rate};
   return proposed_;
 }
 
 void Ensemble::accept() {
-  path_ += path(at_, proposed_at_);
+  const double field_step = proposed_at_.field - at_.field;
+  stress_path_ += std::abs(proposed_at_.stress - at_.stress);
   time_ += proposed_h_;
   at_ = proposed_at_;
   means_ = proposed_;
   std::copy_n(then_plus_.begin(), awake_, columns_[plus].begin());
   std::copy_n(then_minus_.begin(), awake_, columns_[minus].begin());
   if (!held_) std::swap(now_, then_);
-  put_to_sleep();
+  put_to_sleep(field_step);
 }
 
 }  // namespace ferrobench::model

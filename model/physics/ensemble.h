@@ -1,8 +1,9 @@
 // The phase fractions of all domains in time: the kernel, applied only where something happens.
 //
 // Most domains do nothing most of the time: their rates are too small to matter, or they have switched. Such a domain
-// sleeps. While the loads change, ln(rate) can rise by no more than the length of their path in units of kT, which is kept
-// as a running sum; a sleeping domain is woken when that sum, or the time, could have let it change by `negligible`.
+// sleeps, within bounds that keep what it misses below `negligible`: ln(rate) rises by no more than the way of the loads in
+// units of kT, so each sleeper has a lowest and a highest field, a length of the stress's path and a time, at the first of
+// which it is woken.
 #pragma once
 
 #include <array>
@@ -22,7 +23,7 @@ class Ensemble final : public Kinetics {
 
   void start(const Loads& at) override;
   const Means& means() const override { return means_; }
-  const Means& propose(double h, const Loads& at) override;
+  const Means& propose(double h, const Loads& at, const Loads& bend) override;
   void accept() override;
   void set_polarization(double polarization) override { constants_.polarization = polarization; }
   std::uint64_t domain_steps() const override { return domain_steps_; }
@@ -36,24 +37,35 @@ class Ensemble final : public Kinetics {
 
   DomainColumns domains(std::size_t first = 0) const;
   void swap_rows(std::size_t i, std::size_t j);
-  double path(const Loads& from, const Loads& to) const;
-  void wake(double path_end, double time_end);
-  void put_to_sleep();
+  // Bounds on |d ln(rate)| per field [m/V] and per stress [1/Pa] for loads up to these.
+  struct Sensitivity {
+    double field = 0, stress = 0;
+    bool ordered = true;  // a falling field never raises what a rising one does
+  };
+  Sensitivity sensitivity(const Loads& a, const Loads& b) const;
+  void wake(const Loads& to, double stress_path_end, double time_end);
+  void put_to_sleep(double field_step);
 
   KineticConstants constants_;
   double negligible_;
   std::size_t size_;
   std::size_t awake_ = 0;  // the first rows are awake, the others asleep
   std::array<std::vector<double>, column_count> columns_;
-  std::vector<double> wake_path_, wake_time_;  // of the sleeping
-  double next_wake_path_ = 0, next_wake_time_ = 0;
+  // Bounds of each sleeper, and the tightest of all.
+  struct Bounds {
+    double low_field = 0, high_field = 0, stress_path = 0, time = 0;
+  };
+  static Bounds boundless();
+  static void tighten(Bounds& bounds, const Bounds& by);
+  std::vector<Bounds> bounds_;
+  Bounds tightest_;
   double asleep_plus_ = 0, asleep_minus_ = 0;
   Rates now_, then_;
-  std::vector<double> then_plus_, then_minus_, outflow_;
+  std::vector<double> then_plus_, then_minus_, outflow_falling_, outflow_rising_;
   Loads at_{}, proposed_at_{};
   bool held_ = false;
   double largest_field_ = 0, largest_stress_ = 0, largest_barrier_ = 0;  // of the internal loads and barriers
-  double time_ = 0, path_ = 0, proposed_h_ = 0;
+  double time_ = 0, stress_path_ = 0, proposed_h_ = 0;
   Means means_, proposed_;
   std::uint64_t domain_steps_ = 0;
 };

@@ -82,26 +82,34 @@ struct UnequalCurvature {
 struct Four {
   V v[4];
 };
+struct Forces {
+  V plus, minus, stress;  // F_{+,90}, F_{-,90}, effective stress
+};
 
-template <class Law>
-HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std::size_t i) {
+HWY_INLINE Forces forces(const Broadcast& k, const DomainColumns& domains, std::size_t i) {
   const D d;
-  const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
   const V field = hn::Add(k.field, hn::LoadU(d, domains.field + i));
   const V stress = hn::Add(k.stress, hn::LoadU(d, domains.stress + i));
-  const V barrier = hn::LoadU(d, domains.barrier + i), inverse = hn::LoadU(d, domains.inverse_barrier + i);
   const V even = hn::NegMulAdd(hn::Mul(k.half_permittivity, field), field,
                                hn::Mul(stress, hn::NegMulAdd(k.half_compliance, stress, k.strain_90)));
   const V odd = hn::Mul(field, hn::MulAdd(k.piezoelectric, stress, k.polarization));
+  return {hn::Sub(even, odd), hn::Add(even, odd), stress};
+}
+
+template <class Law>
+HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std::size_t i, const Forces& f) {
+  const D d;
+  const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
+  const V barrier = hn::LoadU(d, domains.barrier + i), inverse = hn::LoadU(d, domains.inverse_barrier + i);
   V back_barrier = barrier, back_inverse = inverse;
   if (k.stabilized) {
-    const V factor = hn::MulAdd(k.stabilization, hn::Max(zero, hn::Neg(stress)), one);
+    const V factor = hn::MulAdd(k.stabilization, hn::Max(zero, hn::Neg(f.stress)), one);
     back_barrier = hn::Mul(barrier, factor);
     back_inverse = hn::Div(inverse, factor);
   }
   Four out;
-  Law::barriers(k, hn::Sub(even, odd), barrier, inverse, back_barrier, back_inverse, out.v[0], out.v[1]);
-  Law::barriers(k, hn::Add(even, odd), barrier, inverse, back_barrier, back_inverse, out.v[3], out.v[2]);
+  Law::barriers(k, f.plus, barrier, inverse, back_barrier, back_inverse, out.v[0], out.v[1]);
+  Law::barriers(k, f.minus, barrier, inverse, back_barrier, back_inverse, out.v[3], out.v[2]);
   for (auto& v : out.v) v = hn::Mul(v, k.minus_inverse_energy);
   return out;
 }
@@ -141,14 +149,37 @@ HWY_INLINE void propagate(const Four& q, V& plus, V& minus) {
   minus = hn::Add(minus, hn::MulAdd(f0, flow_minus, hn::Mul(f1, along_minus)));
 }
 
-// (r1 - r0) / (l1 - l0), the mean of exp over a linear exponent
-HWY_INLINE V mean_rate(V l0, V l1, V r0, V r1) {
+// Mean of exp(l) over a step in which l goes from l0 to l1 with the bend q u (1 - u).
+HWY_INLINE V mean_rate(V l0, V l1, V r0, V r1, V q) {
   const D d;
-  const V change = hn::Sub(l1, l0);
-  const V small = hn::Set(d, 1e-4);
+  const V change = hn::Sub(l1, l0), sum = hn::Add(r0, r1);
+  const V small = hn::Set(d, 1e-3);
   const auto is_small = hn::Lt(hn::Abs(change), small);
-  const V safe = hn::IfThenElse(is_small, small, change);
-  return hn::IfThenElse(is_small, hn::Mul(hn::Set(d, 0.5), hn::Add(r0, r1)), hn::Div(hn::Sub(r1, r0), safe));
+  const V inverse = hn::Div(hn::Set(d, 1.0), hn::IfThenElse(is_small, small, change));
+  const V chord = hn::Mul(hn::Sub(r1, r0), inverse);
+  const V bow = hn::Mul(hn::Mul(hn::NegMulAdd(hn::Set(d, 2.0), chord, sum), inverse), inverse);
+  const V flat = hn::Mul(sum, hn::NegMulAdd(hn::Mul(change, change), hn::Set(d, 1.0 / 24), hn::Set(d, 0.5)));
+  const V mean = hn::IfThenElse(is_small, flat, chord);
+  return hn::MulAdd(q, hn::IfThenElse(is_small, hn::Mul(sum, hn::Set(d, 1.0 / 12)), bow), mean);
+}
+
+// The bend q of ln(rate) of a -> 90 (out) and 90 -> a (back) for a force that goes from f0 to f1 and is `bend` off the
+// line at mid-step. With l = -(F/4 - dg0)^2 / (kT dg0) between -4 dg0 and 4 dg0; beyond, l is linear.
+HWY_INLINE void bends(const Broadcast& k, V f0, V f1, V bend, V inverse_barrier, V& out, V& back) {
+  const D d;
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.0), half = hn::Set(d, 0.5);
+  const V x0 = hn::Mul(f0, hn::Mul(inverse_barrier, hn::Set(d, 0.25)));
+  const V x1 = hn::Mul(f1, hn::Mul(inverse_barrier, hn::Set(d, 0.25)));
+  const auto inside = hn::And(hn::Lt(hn::Abs(x0), one), hn::Lt(hn::Abs(x1), one));
+  const V middle = clamp(hn::Mul(half, hn::Add(x0, x1)), hn::Set(d, -1.0), one);
+  const V step = hn::Sub(f1, f0);
+  const V four_beta = hn::Mul(hn::Set(d, -4.0), k.minus_inverse_energy);
+  // -4 times the chord's excess over the parabola at mid-step, and 4 times slope times bend
+  const V curved = hn::IfThenElse(
+      inside, hn::Mul(hn::Mul(four_beta, hn::Set(d, 1.0 / 64)), hn::Mul(hn::Mul(step, step), inverse_barrier)), zero);
+  const V pushed = hn::Mul(four_beta, bend);
+  out = hn::MulAdd(pushed, hn::Mul(half, hn::Sub(one, middle)), curved);
+  back = hn::NegMulAdd(pushed, hn::Mul(half, hn::Add(one, middle)), curved);
 }
 
 struct Sums {
@@ -169,10 +200,9 @@ HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t 
   sums.plus_rate = hn::MulAdd(weight, hn::MulSub(rate.v[1], ninety, hn::Mul(rate.v[0], plus)), sums.plus_rate);
   sums.minus_rate = hn::MulAdd(weight, hn::MulSub(rate.v[2], ninety, hn::Mul(rate.v[3], minus)), sums.minus_rate);
   const auto counted = [&](V x) HWY_ATTR { return hn::IfThenElse(hn::Gt(x, negligible), x, zero); };
-  V outflow = hn::Mul(counted(plus), rate.v[0]);
-  outflow = hn::MulAdd(counted(ninety), hn::Add(rate.v[1], rate.v[2]), outflow);
-  outflow = hn::MulAdd(counted(minus), rate.v[3], outflow);
-  hn::StoreU(outflow, d, out.outflow + i);
+  const V counted_ninety = counted(ninety);
+  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[2], hn::Mul(counted(plus), rate.v[0])), d, out.outflow_falling + i);
+  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[1], hn::Mul(counted(minus), rate.v[3])), d, out.outflow_rising + i);
 }
 
 StepResult reduce(const Sums& sums, double tau) {
@@ -187,7 +217,7 @@ void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std:
   const D d;
   const Broadcast constants(k, at);
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
-    const Four l = log_rates<Law>(constants, domains, i);
+    const Four l = log_rates<Law>(constants, domains, i, forces(constants, domains, i));
     for (int j = 0; j < 4; ++j) {
       hn::StoreU(l.v[j], d, out.log_rate[j] + i);
       hn::StoreU(hn::Exp(d, l.v[j]), d, out.rate[j] + i);
@@ -197,19 +227,25 @@ void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std:
 
 template <class Law>
 StepResult step_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                     const Loads& at, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+                     const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
   const D d;
-  const Broadcast constants(k, at);
+  const Broadcast start(k, path.from), constants(k, path.to);
+  const V bend_even = hn::Set(d, path.bend.stress * k.strain_90);
+  const V bend_odd = hn::Set(d, path.bend.field * k.polarization);
   const V span = hn::Set(d, h / k.relaxation_time), negligible = hn::Set(d, out.negligible);
   const V zero = hn::Zero(d);
   Sums sums{zero, zero, zero, zero};
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
-    const Four l = log_rates<Law>(constants, domains, i);
-    Four rate, intensity;
+    const Forces f0 = forces(start, domains, i), f1 = forces(constants, domains, i);
+    const Four l = log_rates<Law>(constants, domains, i, f1);
+    const V inverse_barrier = hn::LoadU(d, domains.inverse_barrier + i);
+    Four rate, intensity, bend;
+    bends(constants, f0.plus, f1.plus, hn::Sub(bend_even, bend_odd), inverse_barrier, bend.v[0], bend.v[1]);
+    bends(constants, f0.minus, f1.minus, hn::Add(bend_even, bend_odd), inverse_barrier, bend.v[3], bend.v[2]);
     for (int j = 0; j < 4; ++j) {
       rate.v[j] = hn::Exp(d, l.v[j]);
       intensity.v[j] = hn::Mul(span, mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
-                                               hn::LoadU(d, before.rate[j] + i), rate.v[j]));
+                                               hn::LoadU(d, before.rate[j] + i), rate.v[j], bend.v[j]));
       hn::StoreU(l.v[j], d, after.log_rate[j] + i);
       hn::StoreU(rate.v[j], d, after.rate[j] + i);
     }
@@ -226,11 +262,11 @@ void evaluate(const KineticConstants& k, const DomainColumns& domains, std::size
                                        : evaluate_with<UnequalCurvature>(k, domains, count, at, out);
 }
 
-StepResult step(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h, const Loads& at,
-                const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+StepResult step(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
+                const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
   return k.law == BarrierLaw::equal_curvature
-             ? step_with<EqualCurvature>(k, domains, count, h, at, before, after, out)
-             : step_with<UnequalCurvature>(k, domains, count, h, at, before, after, out);
+             ? step_with<EqualCurvature>(k, domains, count, h, path, before, after, out)
+             : step_with<UnequalCurvature>(k, domains, count, h, path, before, after, out);
 }
 
 StepResult step_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
@@ -268,8 +304,8 @@ void evaluate_rates(const KineticConstants& k, const DomainColumns& domains, std
 }
 
 StepResult step_domains(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                        const Loads& at, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
-  return HWY_DYNAMIC_DISPATCH(step)(k, domains, count, h, at, before, after, out);
+                        const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+  return HWY_DYNAMIC_DISPATCH(step)(k, domains, count, h, path, before, after, out);
 }
 
 StepResult step_domains_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,

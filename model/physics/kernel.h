@@ -2,10 +2,15 @@
 //
 // Vector code for the processor it runs on is chosen at run time; every choice agrees to 1e-12.
 //
-// A step of h seconds takes the logarithm of each rate as linear in time between its two ends, so each transition's
-// intensity (integral of the rate) is h (r1 - r0) / ln(r1 / r0). With the intensities a (+ -> 90), b (90 -> +),
-// c (90 -> -), d (- -> 90) the fractions follow from the exact exponential of the two-state system (4.21). Exact for
-// constant loads; otherwise second order, with an error constant that is small because the logarithms are nearly linear.
+// A step of h seconds takes the logarithm of each rate as a parabola in time: its ends from the loads there, its bend from
+// the barrier's curvature and from how far the loads at mid-step are off the line between the ends. With l = ln(rate),
+// change D = l1 - l0 and a bend q u (1 - u), u in [0, 1], a transition's intensity (integral of the rate) is
+//
+//     h (m0 + q m1),   m0 = (r1 - r0) / D,   m1 = (r0 + r1 - 2 m0) / D^2        to first order in q
+//
+// With the intensities a (+ -> 90), b (90 -> +), c (90 -> -), d (- -> 90) the fractions follow from the exact exponential of
+// the two-state system (4.21). Exact for constant loads; otherwise the logarithm's third derivative and the order in which
+// transitions come within a step (their rates keep nearly constant ratios) are what is left out.
 #pragma once
 
 #include <array>
@@ -43,16 +48,25 @@ struct StepResult {
 struct StepOutput {
   double* plus = nullptr;
   double* minus = nullptr;
-  double* outflow = nullptr;  // tau times the gross flow out of all wells that hold more than `negligible`
+  // tau times the gross flow out of all wells that hold more than `negligible`, apart by what makes it grow: a falling
+  // field (+ -> 90, 90 -> -) or a rising one (- -> 90, 90 -> +).
+  double* outflow_falling = nullptr;
+  double* outflow_rising = nullptr;
   double negligible = 0;
 };
 
 void evaluate_rates(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
                     const RateColumns& out);
 
-// From rates `before` (at the start) to loads `at` (at the end), whose rates go to `after`.
+// Where the loads go in a step.
+struct LoadPath {
+  Loads from, to;
+  Loads bend;  // loads at mid-step less the mean of both ends
+};
+
+// From rates `before` (those of path.from) to path.to, whose rates go to `after`.
 StepResult step_domains(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                        const Loads& at, const RateColumns& before, const RateColumns& after, const StepOutput& out);
+                        const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out);
 
 // The same with the loads unchanged: `before` holds at both ends.
 StepResult step_domains_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,

@@ -83,7 +83,7 @@ void Parametrized::start(const Loads& at) {
   means_.plus_rate = slope(rates(at, 1), 1);
 }
 
-const Means& Parametrized::propose(double h, const Loads& at) {
+const Means& Parametrized::propose(double h, const Loads& at, const Loads&) {
   proposed_at_ = at;
   ++steps_;
   proposed_ = {};

@@ -19,7 +19,7 @@ class Parametrized final : public Kinetics {
 
   void start(const Loads& at) override;
   const Means& means() const override { return means_; }
-  const Means& propose(double h, const Loads& at) override;
+  const Means& propose(double h, const Loads& at, const Loads& bend) override;
   void accept() override;
   void set_polarization(double polarization) override { constants_.polarization = polarization; }
   std::uint64_t domain_steps() const override { return steps_; }
