@@ -35,10 +35,15 @@ struct FileShape {
 
 }  // namespace
 
-std::span<const std::pair<BarrierLaw, std::string_view>> enum_names(BarrierLaw) { return barrier_laws; }
-std::span<const std::pair<PolycrystalMethod, std::string_view>> enum_names(PolycrystalMethod) { return methods; }
+std::span<const std::pair<BarrierLaw, std::string_view>> enum_names(BarrierLaw) {
+  return barrier_laws;
+}
+std::span<const std::pair<PolycrystalMethod, std::string_view>> enum_names(PolycrystalMethod) {
+  return methods;
+}
 
-template <class Visitor> void describe(Visitor& visit, Material& m) {
+template <class Visitor>
+void describe(Visitor& visit, Material& m) {
   visit("remanent_polarization", m.remanent_polarization,
         {.unit = "C/m^2", .min = 1e-4, .max = 2, .required = true, .doc = "P_+ = -P_-"});
   visit("remanent_strain_90", m.remanent_strain_90,
@@ -47,28 +52,40 @@ template <class Visitor> void describe(Visitor& visit, Material& m) {
   visit("permittivity_90", m.permittivity_90, {.unit = "F/m", .min = 0, .max = 1e-5, .required = true});
   visit("compliance_180", m.compliance_180, {.unit = "1/Pa", .min = 0, .max = 1e-8, .required = true});
   visit("compliance_90", m.compliance_90, {.unit = "1/Pa", .min = 0, .max = 1e-8, .required = true});
-  visit("piezoelectric_180", m.piezoelectric_180, {.unit = "m/V", .min = -1e-7, .max = 1e-7, .required = true});
+  visit("piezoelectric_180", m.piezoelectric_180,
+        {.unit = "m/V", .min = -1e-7, .max = 1e-7, .required = true});
   visit("barrier", m.barrier,
-        {.unit = "J/m^3", .min = 1e-2, .max = 1e9, .required = true, .doc = "barrier energy at zero driving force"});
+        {.unit = "J/m^3",
+         .min = 1e-2,
+         .max = 1e9,
+         .required = true,
+         .doc = "barrier energy at zero driving force"});
   visit("relaxation_time", m.relaxation_time, {.unit = "s", .min = 1e-15, .max = 1e6, .required = true});
-  visit("activation_volume", m.activation_volume, {.unit = "m^3", .min = 1e-28, .max = 1e-15, .required = true});
+  visit("activation_volume", m.activation_volume,
+        {.unit = "m^3", .min = 1e-28, .max = 1e-15, .required = true});
   visit("temperature", m.temperature, {.unit = "K", .min = 1, .max = 2000, .required = true});
   visit("barrier_law", m.barrier_law, {.required = true});
 }
 
-template <class Visitor> void describe(Visitor& visit, CriticalForcePoint& p) {
+template <class Visitor>
+void describe(Visitor& visit, CriticalForcePoint& p) {
   visit("fraction", p.fraction, {.unit = "1", .min = 0, .max = 1, .required = true, .doc = "x+"});
-  visit("force", p.force, {.unit = "J/m^3", .required = true, .doc = "driving force F_+90 at which switching goes on"});
+  visit("force", p.force,
+        {.unit = "J/m^3", .required = true, .doc = "driving force F_+90 at which switching goes on"});
 }
 
-template <class Visitor> void describe(Visitor& visit, CriticalForce& c) {
+template <class Visitor>
+void describe(Visitor& visit, CriticalForce& c) {
   visit("unload", c.unload, {.required = true, .doc = "+180 -> 90, by rising fraction"});
   visit("load", c.load, {.required = true, .doc = "90 -> +180, by rising fraction"});
-  visit("prestress", c.prestress, {.unit = "Pa", .required = true, .doc = "of the loop it was calibrated from"});
-  visit("prestress_shift", c.prestress_shift, {.unit = "J/m^3/Pa", .doc = "added to both branches per prestress"});
+  visit("prestress", c.prestress,
+        {.unit = "Pa", .required = true, .doc = "of the loop it was calibrated from"});
+  visit("prestress_shift", c.prestress_shift,
+        {.unit = "J/m^3/Pa", .doc = "added to both branches per prestress"});
 }
 
-template <class Visitor> void describe(Visitor& visit, Polycrystal& p) {
+template <class Visitor>
+void describe(Visitor& visit, Polycrystal& p) {
   visit("method", p.method, {.required = true});
   visit("barrier_log_std", p.barrier_log_std, {.unit = "1", .min = 0, .max = 3});
   visit("interaction_field_std", p.interaction_field_std, {.unit = "V/m", .min = 0, .max = 1e8});
@@ -77,7 +94,8 @@ template <class Visitor> void describe(Visitor& visit, Polycrystal& p) {
   visit("critical_force", p.critical_force, {.doc = "for the method \"parametrized\""});
 }
 
-template <class Visitor> void describe(Visitor& visit, Actuator& a) {
+template <class Visitor>
+void describe(Visitor& visit, Actuator& a) {
   visit("length", a.length, {.unit = "m", .min = 1e-9, .max = 10, .required = true, .doc = "active"});
   visit("area", a.area, {.unit = "m^2", .min = 1e-15, .max = 10, .required = true});
   visit("layer_thickness", a.layer_thickness, {.unit = "m", .min = 1e-9, .max = 1, .required = true});
@@ -86,19 +104,22 @@ template <class Visitor> void describe(Visitor& visit, Actuator& a) {
         {.unit = "N/m", .min = 1, .doc = "of the non-active layers; null: rigid"});
 }
 
-template <class Visitor> void describe(Visitor& visit, Load& l) {
+template <class Visitor>
+void describe(Visitor& visit, Load& l) {
   visit("spring_stiffness", l.spring_stiffness, {.unit = "N/m", .min = 0, .max = 1e12, .required = true});
   visit("prestress", l.prestress, {.unit = "Pa", .min = -1e9, .max = 1e10, .required = true});
 }
 
 namespace {
 
-template <class Visitor> void describe(Visitor& visit, EffectJson& e) {
+template <class Visitor>
+void describe(Visitor& visit, EffectJson& e) {
   visit("id", e.id, {.required = true});
   visit("parameters", e.parameters, {.required = true});
 }
 
-template <class Visitor> void describe(Visitor& visit, FileShape& f) {
+template <class Visitor>
+void describe(Visitor& visit, FileShape& f) {
   visit("format", f.format, {.required = true, .doc = "ferrobench-model"});
   visit("version", f.version, {.min = 1, .max = 1, .required = true});
   visit("name", f.model.name, {});
@@ -129,18 +150,22 @@ void read_effects(FileShape& file, std::vector<Problem>& problems) {
   }
 }
 
-void check_branch(const std::vector<CriticalForcePoint>& branch, const std::string& path, std::vector<Problem>& problems) {
+void check_branch(const std::vector<CriticalForcePoint>& branch, const std::string& path,
+                  std::vector<Problem>& problems) {
   if (branch.size() < 2) problems.push_back({.path = path, .message = "needs at least two points"});
   for (std::size_t i = 1; i < branch.size(); ++i)
     if (branch[i].fraction <= branch[i - 1].fraction)
-      problems.push_back({.path = path + "/" + std::to_string(i) + "/fraction", .message = "must rise from point to point", .given = branch[i].fraction});
+      problems.push_back({.path = path + "/" + std::to_string(i) + "/fraction",
+                          .message = "must rise from point to point",
+                          .given = branch[i].fraction});
 }
 
 void check_polycrystal(const Polycrystal& p, std::vector<Problem>& problems) {
   if (p.method == PolycrystalMethod::parametrized && !p.critical_force)
-    problems.push_back({.path = "/polycrystal/critical_force",
-                        .message = "is missing",
-                        .hint = "the method \"parametrized\" is calibrated from a slow loop: ferrobench fit --calibrate"});
+    problems.push_back(
+        {.path = "/polycrystal/critical_force",
+         .message = "is missing",
+         .hint = "the method \"parametrized\" is calibrated from a slow loop: ferrobench fit --calibrate"});
   if (!p.critical_force) return;
   check_branch(p.critical_force->unload, "/polycrystal/critical_force/unload", problems);
   check_branch(p.critical_force->load, "/polycrystal/critical_force/load", problems);
@@ -153,7 +178,10 @@ Model model_from_json(const nlohmann::json& json) {
   std::vector<Problem> problems;
   read_json(json, file, "", problems);
   if (problems.empty() && file.format != "ferrobench-model")
-    problems.push_back({.path = "/format", .message = "is not that of a model file", .given = file.format, .allowed = "ferrobench-model"});
+    problems.push_back({.path = "/format",
+                        .message = "is not that of a model file",
+                        .given = file.format,
+                        .allowed = "ferrobench-model"});
   if (problems.empty()) {
     read_effects(file, problems);
     const auto more = check_effects(file.model.effects, "/effects");
@@ -209,7 +237,10 @@ Model library_model(std::string_view name) {
   const auto names = model_library_names();
   const auto guess = nearest_name(name, names);
   throw Error(ErrorCode::not_found, "there is no model of that name",
-              Problem{.path = "", .message = "is neither shipped nor a file", .given = name, .allowed = names,
+              Problem{.path = "",
+                      .message = "is neither shipped nor a file",
+                      .given = name,
+                      .allowed = names,
                       .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"});
 }
 

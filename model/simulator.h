@@ -11,12 +11,13 @@
 namespace ferrobench::model {
 
 struct SimulationOptions {
-  // Largest error of the mean polarization and strain from stepping in time, as a share of their switching range
-  // (2 P_r and |eps_90|).
+  // Largest error of the mean polarization and strain from stepping in time, as a share of their switching
+  // range (2 P_r and |eps_90|).
   double tolerance = 1e-4;
   // Nodes of the domain distribution; 0 chooses enough for `tolerance`.
   int domains = 0;
-  std::uint64_t shift = 0;  // which of the lattice's shifts; two of them compared estimate the quadrature error
+  std::uint64_t shift =
+      0;  // which of the lattice's shifts; two of them compared estimate the quadrature error
 };
 
 // The channels at a list of times; each span either empty (not wanted) or as long as the times.
@@ -33,8 +34,8 @@ struct ChannelSpans {
 
 struct SimulationStatistics {
   std::uint64_t steps = 0;
-  std::uint64_t domain_steps = 0;    // single domains advanced by one step
-  double time_error = 0;             // estimate, share of the switching range, rms over the steps so far
+  std::uint64_t domain_steps = 0;  // single domains advanced by one step
+  double time_error = 0;           // estimate, share of the switching range, rms over the steps so far
 };
 
 class Simulator {

@@ -25,14 +25,20 @@ std::vector<std::size_t> corners(std::span<const double> time, std::span<const d
 void check(std::span<const double> time, std::span<const double> field) {
   if (time.size() != field.size() || time.empty())
     throw Error(ErrorCode::invalid_params, "time and field must be equally long and not empty",
-                Problem{.path = "/field", .message = "has another length", .given = field.size(), .allowed = time.size()});
+                Problem{.path = "/field",
+                        .message = "has another length",
+                        .given = field.size(),
+                        .allowed = time.size()});
   for (std::size_t i = 0; i < time.size(); ++i) {
     if (!std::isfinite(field[i]) || !std::isfinite(time[i]))
       throw Error(ErrorCode::invalid_params, "time and field must be finite",
                   Problem{.path = "/field/" + std::to_string(i), .message = "is not a number"});
     if (i > 0 && time[i] <= time[i - 1])
       throw Error(ErrorCode::invalid_params, "time must rise",
-                  Problem{.path = "/time/" + std::to_string(i), .message = "does not rise", .given = time[i], .unit = "s"});
+                  Problem{.path = "/time/" + std::to_string(i),
+                          .message = "does not rise",
+                          .given = time[i],
+                          .unit = "s"});
   }
 }
 

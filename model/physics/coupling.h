@@ -1,5 +1,5 @@
-// The loads at the end of a step and the fractions they bring about depend on each other: a fixed point in at most two
-// unknowns, field and stress. Broyden's method, with the slope remembered from step to step.
+// The loads at the end of a step and the fractions they bring about depend on each other: a fixed point in at
+// most two unknowns, field and stress. Broyden's method, with the slope remembered from step to step.
 #pragma once
 
 #include <array>
@@ -15,15 +15,16 @@ class Coupling {
     double stress = 1;  // Pa that do
   };
   struct Answer {
-    Loads loads;                   // that the fractions bring about
+    Loads loads;                 // that the fractions bring about
     double plus = 0, minus = 0;  // mean fractions
   };
 
   void reset() { *this = {}; }
 
-  // Calls evaluate(loads) until the loads it answers with agree with those given so well that the mean fractions would
-  // not change by more than `tolerance`. False if that does not come about.
-  template <class Evaluate> bool solve(Loads first, const Scale& scale, double tolerance, Evaluate&& evaluate) {
+  // Calls evaluate(loads) until the loads it answers with agree with those given so well that the mean
+  // fractions would not change by more than `tolerance`. False if that does not come about.
+  template <class Evaluate>
+  bool solve(Loads first, const Scale& scale, double tolerance, Evaluate&& evaluate) {
     std::array<double, 2> u{first.field / scale.field, first.stress / scale.stress};
     std::array<double, 2> last_u{}, last_residual{};
     double last_plus = 0, last_minus = 0;
@@ -32,7 +33,8 @@ class Coupling {
       const std::array<double, 2> residual{answer.loads.field / scale.field - u[0],
                                            answer.loads.stress / scale.stress - u[1]};
       if (i > 0) {
-        learn({u[0] - last_u[0], u[1] - last_u[1]}, {residual[0] - last_residual[0], residual[1] - last_residual[1]});
+        learn({u[0] - last_u[0], u[1] - last_u[1]},
+              {residual[0] - last_residual[0], residual[1] - last_residual[1]});
         const double moved = norm({u[0] - last_u[0], u[1] - last_u[1]});
         if (moved > 1e-9)
           sensitivity_ = (abs(answer.plus - last_plus) + abs(answer.minus - last_minus)) / moved;

@@ -1,40 +1,59 @@
 #include "model/physics/domains.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 namespace ferrobench::model {
 namespace {
 
 using Vector = Eigen::Vector3d;
 
-// Lattice vectors as columns, for a cell of unit volume.
-Eigen::Matrix3d lattice(int dimensions) {
-  Eigen::Matrix3d basis = Eigen::Matrix3d::Identity();
-  if (dimensions == 2) {
-    const double a = std::sqrt(2 / std::sqrt(3.0));
-    basis.col(0) = Vector(a, 0, 0);
-    basis.col(1) = Vector(a / 2, a * std::sqrt(3.0) / 2, 0);
-  } else if (dimensions == 3) {
-    const double a = std::cbrt(2.0);
-    basis.col(0) = Vector(-a / 2, a / 2, a / 2);
-    basis.col(1) = Vector(a / 2, -a / 2, a / 2);
-    basis.col(2) = Vector(a / 2, a / 2, -a / 2);
+// Cell edges of the centred lattice, for `count` nodes in the ball. Domains switch at a driving force to
+// which the three spreads contribute in proportion to `reach`, so what is integrated is nearly a step across
+// planes with that normal. The edges are chosen so that the normal always lies the same way in the lattice,
+// along a direction in which the nodes' projections fall evenly; an edge stays short enough for the Gaussian
+// weight itself.
+Vector cell_edges(const Vector& reach, int dimensions, double volume_per_node) {
+  const Vector direction(0.93, 0.32, 0.16);
+  constexpr double longest = 2.0;
+  const double points_per_cell = dimensions == 1 ? 1 : 2;
+  Vector edges = Vector::Ones();
+  std::array<bool, 3> fixed{false, false, false};
+  for (int round = 0; round < dimensions; ++round) {
+    double product = points_per_cell * volume_per_node, shape = 1;
+    int open = 0;
+    for (int i = 0; i < dimensions; ++i) {
+      if (fixed.at(static_cast<std::size_t>(i))) {
+        product /= edges[i];
+      } else {
+        shape *= direction[i] / reach[i];
+        ++open;
+      }
+    }
+    if (open == 0) break;
+    const double scale = std::pow(product / shape, 1.0 / open);
+    bool again = false;
+    for (int i = 0; i < dimensions; ++i) {
+      if (fixed.at(static_cast<std::size_t>(i))) continue;
+      edges[i] = scale * direction[i] / reach[i];
+      if (edges[i] > longest && open > 1) {
+        edges[i] = longest;
+        fixed.at(static_cast<std::size_t>(i)) = true;
+        again = true;
+      }
+    }
+    if (!again) break;
   }
-  return basis;
+  return edges;
 }
 
-// Turned by irrational angles, so that the nodes' projections on each axis are spread evenly.
-Eigen::Matrix3d turned(int dimensions) {
-  const double golden = (std::sqrt(5.0) - 1) / 2, silver = std::sqrt(2.0) - 1, root3 = std::sqrt(3.0) - 1;
-  if (dimensions == 2) return Eigen::AngleAxisd(golden, Vector::UnitZ()).toRotationMatrix();
-  if (dimensions == 3)
-    return (Eigen::AngleAxisd(golden, Vector::UnitZ()) * Eigen::AngleAxisd(silver, Vector::UnitY()) *
-            Eigen::AngleAxisd(root3, Vector::UnitX()))
-        .toRotationMatrix();
-  return Eigen::Matrix3d::Identity();
+// Beyond this the Gaussian's tails weigh less than the nodes' own error.
+double radius_for(int dimensions, int count) {
+  const double per_axis = std::pow(count, 1.0 / dimensions);
+  if (per_axis < 7.4) return 3.5;
+  return per_axis < 9.3 ? 4.0 : 4.5;
 }
 
 double ball_volume(int dimensions, double radius) {
@@ -52,11 +71,17 @@ int spread_dimensions(const Polycrystal& p) {
 }
 
 int domains_for(const Polycrystal& p, double tolerance) {
+  if (p.method != PolycrystalMethod::distribution) return 1;
+  tolerance = std::clamp(tolerance, 1e-7, 1e-2);
   switch (spread_dimensions(p)) {
-    case 0: return 1;
-    case 1: return std::max(32, static_cast<int>(0.7 / std::sqrt(tolerance)) * 4);
-    case 2: return std::max(96, static_cast<int>(10 / std::sqrt(tolerance)));
-    default: return std::max(128, static_cast<int>(16 / std::sqrt(tolerance)));
+    case 0:
+      return 1;
+    case 1:
+      return static_cast<int>(64 * std::pow(1e-3 / tolerance, 0.5));
+    case 2:
+      return static_cast<int>(192 * std::pow(1e-3 / tolerance, 0.5));
+    default:
+      return static_cast<int>(256 * std::pow(1e-3 / tolerance, 0.6));
   }
 }
 
@@ -66,23 +91,34 @@ Domains make_domains(const Material& material, const Polycrystal& p, int count, 
   if (dimensions == 0 || count <= 1) {
     nodes.emplace_back(Vector::Zero());
   } else {
-    const double radius = count < 400 ? 4.0 : 4.5;
-    const double spacing = std::pow(ball_volume(dimensions, radius) / count, 1.0 / dimensions);
-    const Eigen::Matrix3d basis = spacing * (turned(dimensions) * lattice(dimensions));
+    const double radius = radius_for(dimensions, count);
+    Vector reach = Vector::Zero();
+    int next = 0;
+    for (const double contribution :
+         {p.barrier_log_std * 4 * material.barrier, p.interaction_field_std * material.remanent_polarization,
+          p.interaction_stress_std * std::abs(material.remanent_strain_90)})
+      if (contribution != 0) reach[next++] = contribution;
+    const Vector edges = cell_edges(reach, dimensions, ball_volume(dimensions, radius) / count);
     // Shifts by multiples of the golden ratio's higher-dimensional kin are spread evenly over the cell.
     Vector offset = Vector::Zero();
     const std::array<double, 3> step{0.8191725133961645, 0.6710436067037893, 0.5497004779019703};
-    for (int i = 0; i < dimensions; ++i)
-      offset[i] = std::fmod(0.5 + step.at(static_cast<std::size_t>(i)) * static_cast<double>(shift % 1000003), 1.0);
-    // Along each lattice vector the ball spans radius times the length of the inverse basis's row.
-    const Eigen::Matrix3d inverse = basis.inverse();
-    const auto reach = [&](int row) { return row < dimensions ? static_cast<int>(std::ceil(radius * inverse.row(row).norm())) + 1 : 0; };
-    for (int i = -reach(0); i <= reach(0); ++i)
-      for (int j = -reach(1); j <= reach(1); ++j)
-        for (int k = -reach(2); k <= reach(2); ++k) {
-          const Vector z = basis * (Vector(i, j, k) + offset);
-          if (z.head(dimensions).squaredNorm() <= radius * radius) nodes.push_back(z);
-        }
+    std::array<int, 3> last{0, 0, 0};
+    for (int i = 0; i < dimensions; ++i) {
+      const auto axis = static_cast<std::size_t>(i);
+      offset[i] = std::fmod(0.5 + step.at(axis) * static_cast<double>(shift % 1000003), 1.0);
+      last.at(axis) = static_cast<int>(std::ceil(radius / edges[i])) + 1;
+    }
+    const int centred = dimensions > 1 ? 2 : 1;
+    for (int i = -last[0]; i <= last[0]; ++i)
+      for (int j = -last[1]; j <= last[1]; ++j)
+        for (int k = -last[2]; k <= last[2]; ++k)
+          for (int c = 0; c < centred; ++c) {
+            Vector z = Vector(i, j, k) + offset;
+            z.head(dimensions).array() += 0.5 * c;
+            z = z.cwiseProduct(edges);
+            z.tail(3 - dimensions).setZero();
+            if (z.squaredNorm() <= radius * radius) nodes.push_back(z);
+          }
   }
 
   Domains out;

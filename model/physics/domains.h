@@ -3,10 +3,12 @@
 //   dg0 = barrier exp(barrier_log_std z1)      E_int = bias_field + interaction_field_std z2
 //   sigma_int = interaction_stress_std z3      z independent standard normal
 //
-// A domain's answer is nearly a step in z, so rules made for smooth functions gain nothing. The nodes are a lattice (line,
-// hexagonal, body-centred cubic, by the number of spreads that are not zero), turned out of the axes so that no two nodes
-// share a coordinate, within a ball, weighted by the Gaussian density. Different shifts of the lattice give independent
-// estimates of the same mean.
+// A domain's answer is nearly a step in z, so rules made for smooth functions gain nothing. The nodes are a
+// lattice (line, centred rectangular, body-centred, by the number of spreads that are not zero) in a ball,
+// weighted by the Gaussian density; the lattice is stretched so that the planes across which domains switch
+// cut it evenly. Error in P and strain, rms over their range, against 60,000 nodes: 256 nodes 1e-3, 1,024
+// nodes 2e-4 or better (three spreads). Different shifts of the lattice give independent estimates of the
+// same mean.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +27,8 @@ struct Domains {
 };
 
 // About `count` nodes (one if no spread is set). `shift` picks one of the lattice's shifts.
-Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count, std::uint64_t shift);
+Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count,
+                     std::uint64_t shift);
 
 // The number of spreads that are not zero.
 int spread_dimensions(const Polycrystal& polycrystal);

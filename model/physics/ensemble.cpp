@@ -36,7 +36,8 @@ Ensemble::Ensemble(const Domains& given, const KineticConstants& constants, doub
       rates->log_rate[j].assign(padded, 0.0);
       rates->rate[j].assign(padded, 0.0);
     }
-  for (auto* column : {&then_plus_, &then_minus_, &outflow_falling_, &outflow_rising_}) column->assign(padded, 0.0);
+  for (auto* column : {&then_plus_, &then_minus_, &outflow_falling_, &outflow_rising_})
+    column->assign(padded, 0.0);
   bounds_.resize(size_);
 }
 
@@ -84,9 +85,11 @@ Ensemble::Sensitivity Ensemble::sensitivity(const Loads& a, const Loads& b) cons
   const double e = std::max(std::abs(a.field), std::abs(b.field)) + largest_field_;
   const double s = std::max(std::abs(a.stress), std::abs(b.stress)) + largest_stress_;
   const double besides = std::abs(k.piezoelectric) * s + 2 * std::abs(k.half_permittivity) * e;
-  const double by_stress = std::abs(k.strain_90) + std::abs(k.piezoelectric) * e + 2 * std::abs(k.half_compliance) * s +
+  const double by_stress = std::abs(k.strain_90) + std::abs(k.piezoelectric) * e +
+                           2 * std::abs(k.half_compliance) * s +
                            largest_barrier_ * std::abs(k.stress_stabilization);
-  return {k.inverse_energy * (k.polarization + besides), k.inverse_energy * by_stress, besides < k.polarization};
+  return {k.inverse_energy * (k.polarization + besides), k.inverse_energy * by_stress,
+          besides < k.polarization};
 }
 
 void Ensemble::swap_rows(std::size_t i, std::size_t j) {
@@ -95,7 +98,8 @@ void Ensemble::swap_rows(std::size_t i, std::size_t j) {
 
 void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
   const auto within = [&](const Bounds& b) {
-    return to.field > b.low_field && to.field < b.high_field && stress_path_end < b.stress_path && time_end < b.time;
+    return to.field > b.low_field && to.field < b.high_field && stress_path_end < b.stress_path &&
+           time_end < b.time;
   };
   if (within(tightest_)) return;
   const std::size_t first = awake_;
@@ -114,14 +118,15 @@ void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
   if (awake_ > first) evaluate_rates(constants_, domains(first), awake_ - first, at_, now_.columns(first));
 }
 
-// A domain may sleep if its outflow could not move `negligible` within e^3 steps like the last, nor will in the next.
-// Half of the margin is granted to the field, the rest to stress and time.
+// A domain may sleep if its outflow could not move `negligible` within e^1.5 steps like the last, nor will in
+// the next. Half of the margin is granted to the field, the rest to stress and time.
 void Ensemble::put_to_sleep(double field_step) {
   const double span = proposed_h_ / constants_.relaxation_time;
-  const double limit = negligible_ * std::exp(-3.0) / span;
+  const double limit = negligible_ * std::exp(-1.5) / span;
   const auto s = sensitivity(at_, at_);
   const double field_share = 0.5 / s.field, stress_share = 0.25 / s.stress;
-  const double next_low = at_.field + 2 * std::min(0.0, field_step), next_high = at_.field + 2 * std::max(0.0, field_step);
+  const double next_low = at_.field + 2 * std::min(0.0, field_step),
+               next_high = at_.field + 2 * std::max(0.0, field_step);
   const auto margin = [&](double outflow) {
     return outflow > 0 ? std::min(600.0, std::log(negligible_ / (outflow * span))) : 600.0;
   };
@@ -155,9 +160,11 @@ const Means& Ensemble::propose(double h, const Loads& at, const Loads& bend) {
   proposed_at_ = at;
   proposed_h_ = h;
   held_ = at.field == at_.field && at.stress == at_.stress && bend.field == 0 && bend.stress == 0;
-  const StepOutput out{then_plus_.data(), then_minus_.data(), outflow_falling_.data(), outflow_rising_.data(), negligible_};
+  const StepOutput out{then_plus_.data(), then_minus_.data(), outflow_falling_.data(), outflow_rising_.data(),
+                       negligible_};
   const auto result = held_ ? step_domains_held(constants_, domains(), awake_, h, now_.columns(), out)
-                            : step_domains(constants_, domains(), awake_, h, {at_, at, bend}, now_.columns(), then_.columns(), out);
+                            : step_domains(constants_, domains(), awake_, h, {at_, at, bend}, now_.columns(),
+                                           then_.columns(), out);
   domain_steps_ += awake_;
   proposed_ = {result.plus + asleep_plus_, result.minus + asleep_minus_, result.plus_rate, result.minus_rate};
   return proposed_;

@@ -1,9 +1,9 @@
 // The phase fractions of all domains in time: the kernel, applied only where something happens.
 //
-// Most domains do nothing most of the time: their rates are too small to matter, or they have switched. Such a domain
-// sleeps, within bounds that keep what it misses below `negligible`: ln(rate) rises by no more than the way of the loads in
-// units of kT, so each sleeper has a lowest and a highest field, a length of the stress's path and a time, at the first of
-// which it is woken.
+// Most domains do nothing most of the time: their rates are too small to matter, or they have switched. Such
+// a domain sleeps, within bounds that keep what it misses below `negligible`: ln(rate) rises by no more than
+// the way of the loads in units of kT, so each sleeper has a lowest and a highest field, a length of the
+// stress's path and a time, at the first of which it is woken.
 #pragma once
 
 #include <array>

@@ -26,17 +26,19 @@ struct Broadcast {
         minus_inverse_energy(hn::Set(D(), -k.inverse_energy)),
         stabilization(hn::Set(D(), k.stress_stabilization)),
         stabilized(k.stress_stabilization != 0) {}
-  V field, stress, polarization, strain_90, piezoelectric, half_permittivity, half_compliance, minus_inverse_energy,
-      stabilization;
+  V field, stress, polarization, strain_90, piezoelectric, half_permittivity, half_compliance,
+      minus_inverse_energy, stabilization;
   bool stabilized;
 };
 
-HWY_INLINE V clamp(V v, V low, V high) { return hn::Min(hn::Max(v, low), high); }
+HWY_INLINE V clamp(V v, V low, V high) {
+  return hn::Min(hn::Max(v, low), high);
+}
 
 struct EqualCurvature {
   // Barriers of a -> 90 and 90 -> a for the driving force of a.
-  static HWY_INLINE void barriers(const Broadcast&, V force, V out_barrier, V inverse_out, V back_barrier, V inverse_back,
-                                  V& out, V& back) {
+  static HWY_INLINE void barriers(const Broadcast&, V force, V out_barrier, V inverse_out, V back_barrier,
+                                  V inverse_back, V& out, V& back) {
     const V quarter = hn::Set(D(), 0.25), four = hn::Set(D(), 4.0), zero = hn::Zero(D());
     const auto one_way = [&](V f, V dg0, V inverse) HWY_ATTR {
       const V end = hn::Mul(four, dg0);
@@ -49,11 +51,14 @@ struct EqualCurvature {
 };
 
 struct UnequalCurvature {
-  static HWY_INLINE void barriers(const Broadcast& k, V force, V out_barrier, V, V back_barrier, V, V& out, V& back) {
+  static HWY_INLINE void barriers(const Broadcast& k, V force, V out_barrier, V, V back_barrier, V, V& out,
+                                  V& back) {
     const V half = hn::Set(D(), 0.5), two = hn::Set(D(), 2.0), zero = hn::Zero(D()), one = hn::Set(D(), 1.0);
     const V difference = hn::Mul(two, k.half_permittivity);
-    const V discriminant = hn::Max(zero, hn::Sub(hn::Mul(k.polarization, k.polarization), hn::Mul(two, hn::Mul(difference, force))));
-    const V field = hn::Div(hn::Mul(hn::Set(D(), -2.0), force), hn::Add(k.polarization, hn::Sqrt(discriminant)));
+    const V discriminant = hn::Max(
+        zero, hn::Sub(hn::Mul(k.polarization, k.polarization), hn::Mul(two, hn::Mul(difference, force))));
+    const V field =
+        hn::Div(hn::Mul(hn::Set(D(), -2.0), force), hn::Add(k.polarization, hn::Sqrt(discriminant)));
     // Field where well a (the 180 well) or b (the 90 well) ends, and the driving force there.
     const auto ends = [&](V dg0, V& end_a, V& end_b, V& force_a, V& force_b) HWY_ATTR {
       const V root = hn::Sqrt(hn::Mul(two, dg0));
@@ -71,7 +76,8 @@ struct UnequalCurvature {
     ends(out_barrier, end_a, end_b, force_a, force_b);
     V part = hn::Sub(one, hn::Div(field, end_a));
     out = hn::Mul(out_barrier, hn::Mul(part, part));
-    out = hn::IfThenElse(hn::Ge(force, force_a), zero, hn::IfThenElse(hn::Le(force, force_b), hn::Neg(force), out));
+    out = hn::IfThenElse(hn::Ge(force, force_a), zero,
+                         hn::IfThenElse(hn::Le(force, force_b), hn::Neg(force), out));
     if (k.stabilized) ends(back_barrier, end_a, end_b, force_a, force_b);
     part = hn::Sub(one, hn::Div(field, end_b));
     back = hn::Mul(back_barrier, hn::Mul(part, part));
@@ -163,8 +169,9 @@ HWY_INLINE V mean_rate(V l0, V l1, V r0, V r1, V q) {
   return hn::MulAdd(q, hn::IfThenElse(is_small, hn::Mul(sum, hn::Set(d, 1.0 / 12)), bow), mean);
 }
 
-// The bend q of ln(rate) of a -> 90 (out) and 90 -> a (back) for a force that goes from f0 to f1 and is `bend` off the
-// line at mid-step. With l = -(F/4 - dg0)^2 / (kT dg0) between -4 dg0 and 4 dg0; beyond, l is linear.
+// The bend q of ln(rate) of a -> 90 (out) and 90 -> a (back) for a force that goes from f0 to f1 and is
+// `bend` off the line at mid-step. With l = -(F/4 - dg0)^2 / (kT dg0) between -4 dg0 and 4 dg0; beyond, l is
+// linear.
 HWY_INLINE void bends(const Broadcast& k, V f0, V f1, V bend, V inverse_barrier, V& out, V& back) {
   const D d;
   const V zero = hn::Zero(d), one = hn::Set(d, 1.0), half = hn::Set(d, 0.5);
@@ -176,7 +183,8 @@ HWY_INLINE void bends(const Broadcast& k, V f0, V f1, V bend, V inverse_barrier,
   const V four_beta = hn::Mul(hn::Set(d, -4.0), k.minus_inverse_energy);
   // -4 times the chord's excess over the parabola at mid-step, and 4 times slope times bend
   const V curved = hn::IfThenElse(
-      inside, hn::Mul(hn::Mul(four_beta, hn::Set(d, 1.0 / 64)), hn::Mul(hn::Mul(step, step), inverse_barrier)), zero);
+      inside,
+      hn::Mul(hn::Mul(four_beta, hn::Set(d, 1.0 / 64)), hn::Mul(hn::Mul(step, step), inverse_barrier)), zero);
   const V pushed = hn::Mul(four_beta, bend);
   out = hn::MulAdd(pushed, hn::Mul(half, hn::Sub(one, middle)), curved);
   back = hn::NegMulAdd(pushed, hn::Mul(half, hn::Add(one, middle)), curved);
@@ -187,8 +195,8 @@ struct Sums {
 };
 
 // Rows past `count` in the last vector belong to others: they add nothing to the sums.
-HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t count, const Four& rate, V plus,
-                       V minus, const StepOutput& out, V negligible, Sums& sums) {
+HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t count, const Four& rate,
+                       V plus, V minus, const StepOutput& out, V negligible, Sums& sums) {
   const D d;
   const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
   hn::StoreU(plus, d, out.plus + i);
@@ -197,12 +205,16 @@ HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t 
   const V ninety = hn::Sub(hn::Sub(one, plus), minus);
   sums.plus = hn::MulAdd(weight, plus, sums.plus);
   sums.minus = hn::MulAdd(weight, minus, sums.minus);
-  sums.plus_rate = hn::MulAdd(weight, hn::MulSub(rate.v[1], ninety, hn::Mul(rate.v[0], plus)), sums.plus_rate);
-  sums.minus_rate = hn::MulAdd(weight, hn::MulSub(rate.v[2], ninety, hn::Mul(rate.v[3], minus)), sums.minus_rate);
+  sums.plus_rate =
+      hn::MulAdd(weight, hn::MulSub(rate.v[1], ninety, hn::Mul(rate.v[0], plus)), sums.plus_rate);
+  sums.minus_rate =
+      hn::MulAdd(weight, hn::MulSub(rate.v[2], ninety, hn::Mul(rate.v[3], minus)), sums.minus_rate);
   const auto counted = [&](V x) HWY_ATTR { return hn::IfThenElse(hn::Gt(x, negligible), x, zero); };
   const V counted_ninety = counted(ninety);
-  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[2], hn::Mul(counted(plus), rate.v[0])), d, out.outflow_falling + i);
-  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[1], hn::Mul(counted(minus), rate.v[3])), d, out.outflow_rising + i);
+  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[2], hn::Mul(counted(plus), rate.v[0])), d,
+             out.outflow_falling + i);
+  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[1], hn::Mul(counted(minus), rate.v[3])), d,
+             out.outflow_rising + i);
 }
 
 StepResult reduce(const Sums& sums, double tau) {
@@ -212,8 +224,8 @@ StepResult reduce(const Sums& sums, double tau) {
 }
 
 template <class Law>
-void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
-                   const RateColumns& out) {
+void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count,
+                   const Loads& at, const RateColumns& out) {
   const D d;
   const Broadcast constants(k, at);
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
@@ -227,7 +239,8 @@ void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std:
 
 template <class Law>
 StepResult step_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                     const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+                     const LoadPath& path, const RateColumns& before, const RateColumns& after,
+                     const StepOutput& out) {
   const D d;
   const Broadcast start(k, path.from), constants(k, path.to);
   const V bend_even = hn::Set(d, path.bend.stress * k.strain_90);
@@ -263,7 +276,8 @@ void evaluate(const KineticConstants& k, const DomainColumns& domains, std::size
 }
 
 StepResult step(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+                const LoadPath& path, const RateColumns& before, const RateColumns& after,
+                const StepOutput& out) {
   return k.law == BarrierLaw::equal_curvature
              ? step_with<EqualCurvature>(k, domains, count, h, path, before, after, out)
              : step_with<UnequalCurvature>(k, domains, count, h, path, before, after, out);
@@ -298,18 +312,19 @@ HWY_EXPORT(evaluate);
 HWY_EXPORT(step);
 HWY_EXPORT(step_held);
 
-void evaluate_rates(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
-                    const RateColumns& out) {
+void evaluate_rates(const KineticConstants& k, const DomainColumns& domains, std::size_t count,
+                    const Loads& at, const RateColumns& out) {
   HWY_DYNAMIC_DISPATCH(evaluate)(k, domains, count, at, out);
 }
 
 StepResult step_domains(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                        const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out) {
+                        const LoadPath& path, const RateColumns& before, const RateColumns& after,
+                        const StepOutput& out) {
   return HWY_DYNAMIC_DISPATCH(step)(k, domains, count, h, path, before, after, out);
 }
 
-StepResult step_domains_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                             const RateColumns& before, const StepOutput& out) {
+StepResult step_domains_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count,
+                             double h, const RateColumns& before, const StepOutput& out) {
   return HWY_DYNAMIC_DISPATCH(step_held)(k, domains, count, h, before, out);
 }
 

@@ -2,15 +2,17 @@
 //
 // Vector code for the processor it runs on is chosen at run time; every choice agrees to 1e-12.
 //
-// A step of h seconds takes the logarithm of each rate as a parabola in time: its ends from the loads there, its bend from
-// the barrier's curvature and from how far the loads at mid-step are off the line between the ends. With l = ln(rate),
-// change D = l1 - l0 and a bend q u (1 - u), u in [0, 1], a transition's intensity (integral of the rate) is
+// A step of h seconds takes the logarithm of each rate as a parabola in time: its ends from the loads there,
+// its bend from the barrier's curvature and from how far the loads at mid-step are off the line between the
+// ends. With l = ln(rate), change D = l1 - l0 and a bend q u (1 - u), u in [0, 1], a transition's intensity
+// (integral of the rate) is
 //
 //     h (m0 + q m1),   m0 = (r1 - r0) / D,   m1 = (r0 + r1 - 2 m0) / D^2        to first order in q
 //
-// With the intensities a (+ -> 90), b (90 -> +), c (90 -> -), d (- -> 90) the fractions follow from the exact exponential of
-// the two-state system (4.21). Exact for constant loads; otherwise the logarithm's third derivative and the order in which
-// transitions come within a step (their rates keep nearly constant ratios) are what is left out.
+// With the intensities a (+ -> 90), b (90 -> +), c (90 -> -), d (- -> 90) the fractions follow from the exact
+// exponential of the two-state system (4.21). Exact for constant loads; otherwise the logarithm's third
+// derivative and the order in which transitions come within a step (their rates keep nearly constant ratios)
+// are what is left out.
 #pragma once
 
 #include <array>
@@ -41,22 +43,22 @@ struct RateColumns {
 };
 
 struct StepResult {
-  double plus = 0, minus = 0;              // sum of weight x at the end
+  double plus = 0, minus = 0;            // sum of weight x at the end
   double plus_rate = 0, minus_rate = 0;  // sum of weight dx/dt at the end, 1/s
 };
 
 struct StepOutput {
   double* plus = nullptr;
   double* minus = nullptr;
-  // tau times the gross flow out of all wells that hold more than `negligible`, apart by what makes it grow: a falling
-  // field (+ -> 90, 90 -> -) or a rising one (- -> 90, 90 -> +).
+  // tau times the gross flow out of all wells that hold more than `negligible`, apart by what makes it grow:
+  // a falling field (+ -> 90, 90 -> -) or a rising one (- -> 90, 90 -> +).
   double* outflow_falling = nullptr;
   double* outflow_rising = nullptr;
   double negligible = 0;
 };
 
-void evaluate_rates(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
-                    const RateColumns& out);
+void evaluate_rates(const KineticConstants& k, const DomainColumns& domains, std::size_t count,
+                    const Loads& at, const RateColumns& out);
 
 // Where the loads go in a step.
 struct LoadPath {
@@ -66,13 +68,15 @@ struct LoadPath {
 
 // From rates `before` (those of path.from) to path.to, whose rates go to `after`.
 StepResult step_domains(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                        const LoadPath& path, const RateColumns& before, const RateColumns& after, const StepOutput& out);
+                        const LoadPath& path, const RateColumns& before, const RateColumns& after,
+                        const StepOutput& out);
 
 // The same with the loads unchanged: `before` holds at both ends.
-StepResult step_domains_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
-                             const RateColumns& before, const StepOutput& out);
+StepResult step_domains_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count,
+                             double h, const RateColumns& before, const StepOutput& out);
 
-// Names of the vector instruction sets that this program holds code for and this processor has; the first is in use.
+// Names of the vector instruction sets that this program holds code for and this processor has; the first is
+// in use.
 std::vector<std::string> kernel_targets();
 // For tests: use only the named one, or "" for the best.
 void force_kernel_target(const std::string& name);

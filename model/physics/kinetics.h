@@ -21,8 +21,8 @@ class Kinetics {
   // The virgin state (+180 throughout) at these loads.
   virtual void start(const Loads& at) = 0;
   virtual const Means& means() const = 0;
-  // The state after `h` seconds in which the loads go to `at`, `bend` off the straight line at mid-step; nothing is kept
-  // until accept().
+  // The state after `h` seconds in which the loads go to `at`, `bend` off the straight line at mid-step;
+  // nothing is kept until accept().
   virtual const Means& propose(double h, const Loads& at, const Loads& bend) = 0;
   virtual void accept() = 0;
   // P_+ may change in time (fatigue): takes effect with the next proposal.

@@ -18,7 +18,8 @@ bool Mechanics::stress_is_constant() const {
 }
 
 double Mechanics::strain_without_terms(const MaterialState& s, double stress) const {
-  const double compliance = material_.compliance_180 + (material_.compliance_90 - material_.compliance_180) * s.ninety();
+  const double compliance =
+      material_.compliance_180 + (material_.compliance_90 - material_.compliance_180) * s.ninety();
   return compliance * stress + material_.piezoelectric_180 * (s.plus - s.minus) * s.field +
          material_.remanent_strain_90 * s.ninety();
 }
@@ -49,10 +50,12 @@ void Mechanics::start(MaterialState& at) {
 }
 
 Equilibrium Mechanics::linear(const MaterialState& s) const {
-  const double share = actuator_.passive_stiffness
-                           ? *actuator_.passive_stiffness / (load_.spring_stiffness + *actuator_.passive_stiffness)
-                           : 1;
-  const double compliance = material_.compliance_180 + (material_.compliance_90 - material_.compliance_180) * s.ninety();
+  const double share =
+      actuator_.passive_stiffness
+          ? *actuator_.passive_stiffness / (load_.spring_stiffness + *actuator_.passive_stiffness)
+          : 1;
+  const double compliance =
+      material_.compliance_180 + (material_.compliance_90 - material_.compliance_180) * s.ninety();
   const double stress_per_strain = load_.spring_stiffness * share * actuator_.length / actuator_.area;
   const double free_strain = strain_without_terms(s, 0) - strain_at_rest_;
   Equilibrium out;
@@ -113,6 +116,8 @@ void Mechanics::accept(double h, MaterialState& end) {
   last_extension_ = out.displacement;
 }
 
-double Mechanics::largest_step() const { return std::numeric_limits<double>::infinity(); }
+double Mechanics::largest_step() const {
+  return std::numeric_limits<double>::infinity();
+}
 
 }  // namespace ferrobench::model

@@ -43,12 +43,14 @@ double Parametrized::slope(const Rates& r, double plus) const {
   return ((1 - plus) * std::exp(r.log_back) - plus * std::exp(r.log_out)) / constants_.relaxation_time;
 }
 
-// The end of a step whose rates depend on the end: a root in [0, 1], by bisection refined with the secant (Illinois).
+// The end of a step whose rates depend on the end: a root in [0, 1], by bisection refined with the secant
+// (Illinois).
 double Parametrized::step(double h, const Rates& from, double plus, const Loads& to) const {
   const double span = h / constants_.relaxation_time;
   const auto miss = [&](double end) {
     const Rates r = rates(to, end);
-    const double out = span * mean_exp(from.log_out, r.log_out), back = span * mean_exp(from.log_back, r.log_back);
+    const double out = span * mean_exp(from.log_out, r.log_out),
+                 back = span * mean_exp(from.log_back, r.log_back);
     const double total = out + back;
     if (total <= 0) return plus - end;
     const double kept = std::exp(-total);
@@ -59,7 +61,8 @@ double Parametrized::step(double h, const Rates& from, double plus, const Loads&
   if (at_high >= 0) return high;
   int side = 0;
   for (int i = 0; i < 200 && high - low > 1e-14; ++i) {
-    const double middle = (i % 8 == 7) ? 0.5 * (low + high) : (low * at_high - high * at_low) / (at_high - at_low);
+    const double middle =
+        (i % 8 == 7) ? 0.5 * (low + high) : (low * at_high - high * at_low) / (at_high - at_low);
     const double at = miss(middle);
     if (at == 0) return middle;
     if (at > 0) {

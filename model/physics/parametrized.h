@@ -1,10 +1,11 @@
-// The polycrystal by parametrization (4.59-4.65): one representative domain between the + and the 90 well, whose critical
-// driving force is a table of the phase fraction, one branch for each direction.
+// The polycrystal by parametrization (4.59-4.65): one representative domain between the + and the 90 well,
+// whose critical driving force is a table of the phase fraction, one branch for each direction.
 //
 //   + -> 90 has no barrier left where F_{+,90} reaches F_unload(x+), 90 -> + where it falls to F_load(x+).
 //   The internal driving force that moves them there is added to the applied one (4.62), so the barriers are
 //
-//   dg_{+,90} = dg(F_{+,90} + 4 dg0 - F_unload(x+)),   dg_{90,+} = dg(-F_{+,90} + 4 dg0 + F_load(x+))   with dg of (4.25).
+//   dg_{+,90} = dg(F_{+,90} + 4 dg0 - F_unload(x+)),   dg_{90,+} = dg(-F_{+,90} + 4 dg0 + F_load(x+))   with
+//   dg of (4.25).
 //
 // x- stays zero: for fields that do not repole (0 .. 1.5 kV/mm).
 #pragma once
@@ -41,15 +42,16 @@ class Parametrized final : public Kinetics {
   std::uint64_t steps_ = 0;
 };
 
-// F_cr from a slow loop: driving force and x+ at each sample of the half loop from high field to low (unload) and back
-// (load). Branches are averaged onto `points` fractions, and shifted so that a domain under the ramp's own rate switches
-// where the loop did.
+// F_cr from a slow loop: driving force and x+ at each sample of the half loop from high field to low (unload)
+// and back (load). Branches are averaged onto `points` fractions, and shifted so that a domain under the
+// ramp's own rate switches where the loop did.
 struct LoopSample {
   double field = 0;   // V/m
   double stress = 0;  // Pa
   double strain = 0;  // 1, since rest
 };
-CriticalForce calibrate_critical_force(const Model& model, const std::vector<LoopSample>& loop, double field_rate,
-                                       double prestress, double prestress_shift, int points = 60);
+CriticalForce calibrate_critical_force(const Model& model, const std::vector<LoopSample>& loop,
+                                       double field_rate, double prestress, double prestress_shift,
+                                       int points = 60);
 
 }  // namespace ferrobench::model

@@ -1,8 +1,8 @@
-// The places where an effect can act, and what it may do there. The simulator asks every port in each step; a port that
-// nothing is plugged into leaves the base model as it is, bit for bit.
+// The places where an effect can act, and what it may do there. The simulator asks every port in each step; a
+// port that nothing is plugged into leaves the base model as it is, bit for bit.
 //
-// Whatever has a memory works in two steps: propose() says what would be after `h` seconds and keeps nothing, accept()
-// moves the memory there. Inputs go linearly from the last accepted state to the one given.
+// Whatever has a memory works in two steps: propose() says what would be after `h` seconds and keeps nothing,
+// accept() moves the memory there. Inputs go linearly from the last accepted state to the one given.
 #pragma once
 
 #include <functional>
@@ -27,7 +27,7 @@ struct MaterialState {
 
 // A linear stretch of field in time.
 struct FieldPiece {
-  double duration = 0;  // s
+  double duration = 0;      // s
   double from = 0, to = 0;  // V/m
 };
 
@@ -40,7 +40,8 @@ class DriveStage {
   virtual void transform(const FieldPiece& in, std::vector<FieldPiece>& out) = 0;
 };
 
-// strain: a term added to the strain. `instant` terms count in MaterialState::instant_strain, delayed ones do not.
+// strain: a term added to the strain. `instant` terms count in MaterialState::instant_strain, delayed ones do
+// not.
 class StrainTerm {
  public:
   virtual ~StrainTerm() = default;

@@ -5,7 +5,8 @@
 //   g_a     = -1/2 kappa_a E^2 - d_a E sigma - 1/2 s_a sigma^2 - E P_a - sigma eps_a      J/m^3
 //   F_a90   = g_a - g_90,  a = +, -     positive: the 90 well lies lower
 //
-// P_- = -P_+, d_- = -d_+, P_90 = d_90 = 0, eps_+ = eps_- = 0, eps_90 < 0. E in V/m, sigma in Pa, tension positive.
+// P_- = -P_+, d_- = -d_+, P_90 = d_90 = 0, eps_+ = eps_- = 0, eps_90 < 0. E in V/m, sigma in Pa, tension
+// positive.
 #pragma once
 
 #include "model/model.h"
@@ -26,13 +27,13 @@ struct DrivingForces {
 
 // The constants of the kinetics in the form the kernel uses.
 struct KineticConstants {
-  double polarization = 0;      // P_+, C/m^2
-  double strain_90 = 0;         // eps_90
-  double piezoelectric = 0;     // d_+, m/V
-  double half_permittivity = 0;  // (kappa_180 - kappa_90) / 2, F/m
-  double half_compliance = 0;    // (s_180 - s_90) / 2, 1/Pa
-  double inverse_energy = 0;    // V / (k T), m^3/J
-  double relaxation_time = 1;   // s
+  double polarization = 0;          // P_+, C/m^2
+  double strain_90 = 0;             // eps_90
+  double piezoelectric = 0;         // d_+, m/V
+  double half_permittivity = 0;     // (kappa_180 - kappa_90) / 2, F/m
+  double half_compliance = 0;       // (s_180 - s_90) / 2, 1/Pa
+  double inverse_energy = 0;        // V / (k T), m^3/J
+  double relaxation_time = 1;       // s
   double stress_stabilization = 0;  // 1/Pa, barrier of 90 -> +/-180 times (1 + this * max(0, -sigma))
   BarrierLaw law = BarrierLaw::equal_curvature;
 };
