@@ -85,14 +85,27 @@ std::vector<Run> join(const Samples& s, const std::vector<std::size_t>& corners,
   return runs;
 }
 
+double meeting_time(const Run& before, const Run& after) {
+  return (after.line.at(0) - before.line.at(0)) / (before.line.slope - after.line.slope);
+}
+
+// A single step between two runs that meet within it is a corner that fell between two samples.
+void drop_corner_steps(const Samples& s, std::vector<Run>& runs) {
+  for (std::size_t i = 1; i + 1 < runs.size(); ++i) {
+    if (runs[i].last != runs[i].first + 1) continue;
+    const double meeting = meeting_time(runs[i - 1], runs[i + 1]);
+    const double slack = 1e-6 * (s.time[runs[i].last] - s.time[runs[i].first]);
+    if (meeting < s.time[runs[i].first] - slack || meeting > s.time[runs[i].last] + slack) continue;
+    runs.erase(runs.begin() + static_cast<std::ptrdiff_t>(i));
+  }
+}
+
 // The sample nearest to where two neighbouring lines meet, between the middles of their runs.
 std::size_t meeting_sample(const Samples& s, const Run& before, const Run& after) {
-  const double bend = before.line.slope - after.line.slope;
-  if (bend == 0) return before.last;
-  const double meeting = (after.line.at(0) - before.line.at(0)) / bend;
+  const double meeting = meeting_time(before, after);
   const auto low = s.time.begin() + static_cast<std::ptrdiff_t>((before.first + before.last) / 2 + 1);
   const auto high = s.time.begin() + static_cast<std::ptrdiff_t>((after.first + after.last) / 2);
-  if (low >= high) return before.last;
+  if (low >= high || !std::isfinite(meeting)) return before.last;
   auto found = std::lower_bound(low, high, meeting);
   if (found != low && meeting - *(found - 1) < *found - meeting) --found;
   return static_cast<std::size_t>(found - s.time.begin());
@@ -109,6 +122,7 @@ std::vector<SegmentRow> infer_segments(const Recording& recording) {
   // Six standard deviations: one false corner in a hundred million samples.
   const double tolerance = std::max(6 * noise, 1e-6 * (high - low)) + std::numeric_limits<double>::min();
   auto runs = join(s, split(s, tolerance), tolerance);
+  drop_corner_steps(s, runs);
   for (std::size_t i = 1; i < runs.size(); ++i) {
     const auto corner = meeting_sample(s, runs[i - 1], runs[i]);
     runs[i - 1] = fit(s, runs[i - 1].first, corner);

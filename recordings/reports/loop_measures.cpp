@@ -1,0 +1,65 @@
+#include "recordings/reports/loop_measures.h"
+
+#include <cmath>
+
+#include "recordings/reports/loops.h"
+#include "recordings/reports/signals.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+std::span<const double> part(const std::vector<double>& values, std::size_t first, std::size_t last) {
+  return values.empty() ? std::span<const double>{} : std::span(values).subspan(first, last - first + 1);
+}
+
+}  // namespace
+
+LoopMeter::LoopMeter(const Recording& recording) : field_(field_of(recording)) {
+  const auto turns = turning_points(recording);
+  const auto take = [&](const Signal& measured) {
+    smoothed_any_ = smoothed_any_ || !measured.exact;
+    return smoothed(recording, measured, turns);
+  };
+  smooth_field_ = take(signal(recording, recording.has(Channel::field) ? Channel::field : Channel::command));
+  if (recording.has(Channel::displacement)) displacement_ = take(signal(recording, Channel::displacement));
+  if (recording.has(Channel::force)) force_ = take(signal(recording, Channel::force));
+  if (!recording.has(Channel::charge)) return;
+  polarization_ = take(polarization(recording));
+  centred_ = recording.header.charge_reference != ChargeReference::absolute;
+  if (const auto range = extremes(polarization_); centred_ && range)
+    for (auto& p : polarization_) p -= 0.5 * (range->low + range->high);
+}
+
+LoopMeasures LoopMeter::measure(const Cycle& cycle) const {
+  LoopMeasures out;
+  const auto field = part(smooth_field_, cycle.first, cycle.last);
+  if (const auto force = extremes(part(force_, cycle.first, cycle.last))) out.force_span = force->span();
+  const auto displacement = part(displacement_, cycle.first, cycle.last);
+  if (const auto range = extremes(displacement)) {
+    out.displacement_low = range->low;
+    out.displacement_high = range->high;
+    out.stroke = range->span();
+    out.displacement_area = std::abs(loop_integral(field, displacement));
+    const auto half = crossings(field, displacement, 0.5 * (range->low + range->high));
+    if (half.size() >= 2) out.width = std::abs(half.back() - half.front());
+  }
+  const auto p = part(polarization_, cycle.first, cycle.last);
+  if (!extremes(p)) return out;
+  out.energy = loop_integral(field, p);
+  for (std::size_t i = 1; i < p.size(); ++i) {
+    const auto place = [&](std::span<const double> x, std::span<const double> y) {
+      return x[i - 1] + (x[i] - x[i - 1]) * y[i - 1] / (y[i - 1] - y[i]);
+    };
+    if (p[i - 1] > 0 && p[i] <= 0) out.coercive_negative = place(field, p);
+    if (p[i - 1] < 0 && p[i] >= 0) out.coercive_positive = place(field, p);
+    if (field[i - 1] > 0 && field[i] <= 0) out.remanent_falling = place(p, field);
+    if (field[i - 1] < 0 && field[i] >= 0) out.remanent_rising = place(p, field);
+  }
+  // A loop that begins at zero field passes it there.
+  const double near_zero = 1e-3 * std::max(std::abs(cycle.low), std::abs(cycle.high));
+  if (!out.remanent_rising && std::abs(field.front()) <= near_zero) out.remanent_rising = p.front();
+  if (!out.remanent_falling && std::abs(field.back()) <= near_zero) out.remanent_falling = p.back();
+  return out;
+}
+
+}  // namespace ferrobench::recordings

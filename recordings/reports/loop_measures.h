@@ -1,0 +1,42 @@
+// What one cycle's loops amount to, in SI units. Absent: the channel is, or the field never got there.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "recordings/recording.h"
+#include "recordings/reports/cycles.h"
+
+namespace ferrobench::recordings {
+
+struct LoopMeasures {
+  std::optional<double> displacement_low, displacement_high, stroke;  // m
+  std::optional<double> force_span;                                   // N
+  // Area within displacement against field, m V/m.
+  std::optional<double> displacement_area;
+  // Field on the way back minus field on the way out, both at half stroke: where the displacement first
+  // passes half its range and where it last does. V/m, without sign.
+  std::optional<double> width;
+  // Integral of E dP around the loop: the energy turned into heat, J/m^3.
+  std::optional<double> energy;
+  std::optional<double> coercive_negative,
+      coercive_positive;                                    // V/m, E where P passes zero, falling and rising
+  std::optional<double> remanent_falling, remanent_rising;  // C/m^2, P where E passes zero
+};
+
+// Polarization counts from the middle of its range over the recording unless the charge is absolute.
+class LoopMeter {
+ public:
+  explicit LoopMeter(const Recording& recording);
+  LoopMeasures measure(const Cycle& cycle) const;
+  bool smoothed_any() const { return smoothed_any_; }
+  bool centred() const { return centred_; }
+
+ private:
+  const std::vector<double>& field_;
+  std::vector<double> smooth_field_, displacement_, force_, polarization_;  // empty if not measured
+  bool smoothed_any_ = false;
+  bool centred_ = false;
+};
+
+}  // namespace ferrobench::recordings

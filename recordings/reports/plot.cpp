@@ -1,0 +1,148 @@
+#include "recordings/reports/plot.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "recordings/reports/table.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::error_code ignored;
+    auto name = (std::filesystem::temp_directory_path(ignored) / "ferrobench-XXXXXX").string();
+    if (mkdtemp(name.data()) != nullptr) path_ = name;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  bool made() const { return !path_.empty(); }
+  std::string file(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+void write_points(const std::string& path, const Series& series) {
+  std::ofstream out(path);
+  for (const auto& [x, y] : series.points) {
+    if (std::isnan(x) || std::isnan(y)) {
+      out << '\n';
+    } else {
+      out << number_in_full(x) << ' ' << number_in_full(y) << '\n';
+    }
+  }
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) out += c == '\'' ? std::string("''") : std::string(1, c);
+  return out + "'";
+}
+
+std::string script(const std::vector<Figure>& figures, const ScratchFolder& folder) {
+  std::string out =
+      "set encoding utf8\nset grid lc rgb '#a0a0a0' lw 0.4\nset border 3 lw 0.8\nset tics nomirror\n"
+      "set key noenhanced outside right top\nset style data lines\n";
+  for (std::size_t k = 0; k < figures.size(); ++k) {
+    const auto& figure = figures[k];
+    const auto number = std::to_string(k);
+    out += std::string("set terminal svg size ") + (figure.square ? "460,360" : "940,220") +
+           " dynamic font 'sans-serif,12' " + "background 'none' name 'figure" + number + "'\n";
+    out += "set output " + quoted(folder.file(number + ".svg")) + '\n';
+    out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
+    out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +
+           " noenhanced\n";
+    out += "plot ";
+    for (std::size_t i = 0; i < figure.series.size(); ++i) {
+      const auto name = number + "_" + std::to_string(i) + ".txt";
+      write_points(folder.file(name), figure.series[i]);
+      // From blue over violet to orange, all readable on white and on black.
+      const double hue = figure.series.size() < 2
+                             ? 0
+                             : static_cast<double>(i) / static_cast<double>(figure.series.size() - 1);
+      const auto mix = [&](int from, int to) {
+        return static_cast<int>(std::lround(from + hue * (to - from)));
+      };
+      const int colour = mix(0x2f, 0xe0) << 16 | mix(0x7f, 0x70) << 8 | mix(0xd8, 0x20);
+      out += (i > 0 ? ", " : "") + quoted(folder.file(name)) + " lw 1.3 lc rgb " + std::to_string(colour) +
+             (figure.series[i].label.empty() ? " notitle" : " title " + quoted(figure.series[i].label));
+    }
+    out += '\n';
+  }
+  return out + "set output\n";
+}
+
+// The program's answer, or what went wrong. No shell, no input, nothing printed.
+std::string run(const std::string& program, const std::string& argument, std::chrono::seconds limit) {
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, 2, "/dev/null", O_WRONLY, 0);
+  std::string name = program, given = argument;
+  std::array<char*, 3> arguments{name.data(), given.data(), nullptr};
+  pid_t child = 0;
+  const int failed = posix_spawnp(&child, program.c_str(), &actions, nullptr, arguments.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (failed != 0) return "gnuplot is not installed";
+  int status = 0;
+  for (const auto end = std::chrono::steady_clock::now() + limit; waitpid(child, &status, WNOHANG) == 0;) {
+    if (std::chrono::steady_clock::now() > end) {
+      kill(child, SIGKILL);
+      waitpid(child, &status, 0);
+      return "gnuplot took too long";
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 127) return "gnuplot is not installed";
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "" : "gnuplot failed";
+}
+
+void replace_all(std::string& text, std::string_view what, std::string_view by) {
+  for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size()))
+    text.replace(at, what.size(), by);
+}
+
+std::string read_svg(const std::string& path) {
+  std::ifstream in(path);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  const auto start = text.find("<svg");
+  if (start == std::string::npos || text.find("</svg>") == std::string::npos) return "";
+  text.erase(0, start);
+  replace_all(text, "color=\"black\"", "color=\"inherit\"");
+  replace_all(text, "stroke='black'", "stroke='currentColor'");
+  replace_all(text, "fill=\"black\"", "fill=\"currentColor\"");
+  replace_all(text, "rgb(  0,   0,   0)", "currentColor");
+  return text;
+}
+
+}  // namespace
+
+Drawing draw(const std::vector<Figure>& figures, const std::string& gnuplot) {
+  const ScratchFolder folder;
+  if (!folder.made()) return {.svg = {}, .problem = "there is no room for temporary files"};
+  std::ofstream(folder.file("script.gp")) << script(figures, folder);
+  Drawing out{.svg = {}, .problem = run(gnuplot, folder.file("script.gp"), std::chrono::seconds(30))};
+  if (!out.problem.empty()) return out;
+  for (std::size_t k = 0; k < figures.size(); ++k)
+    out.svg.push_back(read_svg(folder.file(std::to_string(k) + ".svg")));
+  if (std::ranges::find(out.svg, "") != out.svg.end()) return {.svg = {}, .problem = "gnuplot failed"};
+  return out;
+}
+
+}  // namespace ferrobench::recordings

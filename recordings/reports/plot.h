@@ -1,0 +1,30 @@
+// Pictures as inline SVG, drawn by gnuplot in a child process. Texts are the program's own, never the file's.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace ferrobench::recordings {
+
+struct Series {
+  std::string label;                          // "" for none
+  std::vector<std::array<double, 2>> points;  // NaN breaks the line
+};
+
+struct Figure {
+  std::string title, x_label, y_label;
+  bool log_x = false;
+  bool square = false;  // for loops; else wide and low
+  std::vector<Series> series;
+};
+
+struct Drawing {
+  std::vector<std::string> svg;  // one per figure; empty if there was a problem
+  std::string problem;
+};
+
+// At most 30 s. Lines and letters take the colour of the text around them.
+Drawing draw(const std::vector<Figure>& figures, const std::string& gnuplot = "gnuplot");
+
+}  // namespace ferrobench::recordings

@@ -1,0 +1,99 @@
+#include "recordings/reports/report.h"
+
+#include "protocols/common/units.h"
+#include "recordings/reports/html_page.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+void add_fact(Report& report, const std::string& name, const std::string& value) {
+  if (!value.empty()) report.facts.emplace_back(name, value);
+}
+
+std::string text_at(const nlohmann::json& json, const char* key) {
+  return json.is_object() && json.contains(key) && json[key].is_string() ? json[key].get<std::string>() : "";
+}
+
+Table event_table(const Recording& r) {
+  Table table{.key = "events",
+              .title = "Events",
+              .columns = {{"time_s", "time", "s"}, {"kind", "kind", ""}, {"message", "message", ""}},
+              .rows = {},
+              .notes = {}};
+  for (const auto& event : r.events) table.rows.push_back({cell(event.time), event.kind, event.message});
+  return table;
+}
+
+std::string with_facts(const Report& report, const std::string& before, const std::string& between,
+                       const std::function<std::string(const std::string&)>& clean) {
+  std::string out;
+  for (const auto& [name, value] : report.facts) out += before + name + between + clean(value) + '\n';
+  return out;
+}
+
+std::string plain(std::string text) {
+  for (auto& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  return text;
+}
+
+nlohmann::json as_json(const Report& report) {
+  nlohmann::json out{{"title", report.title}, {"facts", nlohmann::json::object()}};
+  for (const auto& [name, value] : report.facts) out["facts"][name] = value;
+  for (const auto& table : report.tables) out[table.key] = to_json(table);
+  return out;
+}
+
+}  // namespace
+
+Report make_report(const Recording& r) {
+  const auto& h = r.header;
+  Report report{.title = h.title.empty() ? "Recording" : h.title, .facts = {}, .tables = {}};
+  add_fact(report, "status", r.reason.empty() ? r.status : r.status + " (" + r.reason + ")");
+  add_fact(report, "start", h.start_time);
+  if (r.size() > 1)
+    add_fact(report, "length",
+             number_text(r.time.back() - r.time.front()) + " s, " + std::to_string(r.size()) + " samples");
+  add_fact(report, "protocol", text_at(h.protocol, "name"));
+  add_fact(report, "model", text_at(h.model, "name"));
+  add_fact(report, "device", text_at(h.device, "driver"));
+  add_fact(report, "specimen",
+           (h.specimen.name.empty() ? "" : h.specimen.name + ": ") + number_text(h.specimen.length * 1e3) +
+               " mm long, " + number_text(h.specimen.area * 1e6) + " mm^2, " +
+               std::to_string(h.specimen.layer_count) + " layers of " +
+               number_text(h.specimen.layer_thickness / metre_in_um) + " um");
+  add_fact(report, "load",
+           "prestress " + number_text(h.load.prestress / pascal_in_mpa) + " MPa, spring " +
+               number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/um");
+  add_fact(report, "identifier", h.entry_identifier);
+  for (auto& table :
+       {stroke_table(r), hysteresis_table(r), rate_table(r), minor_loop_table(r), creep_table(r)})
+    if (table) report.tables.push_back(*table);
+  if (!r.events.empty()) report.tables.push_back(event_table(r));
+  return report;
+}
+
+std::string render(const Report& report, const Recording& recording, Format format) {
+  std::string out;
+  switch (format) {
+    case Format::text:
+      out = plain(report.title) + '\n' + with_facts(report, "  ", ": ", plain);
+      for (const auto& table : report.tables) out += '\n' + to_text(table);
+      return out;
+    case Format::md:
+      out = "# " + escape_markdown(report.title) + "\n\n" + with_facts(report, "- ", ": ", escape_markdown);
+      for (const auto& table : report.tables) out += '\n' + to_markdown(table);
+      return out;
+    case Format::csv:
+      for (const auto& table : report.tables)
+        out += (out.empty() ? "# " : "\n# ") + table.title + '\n' + to_csv(table);
+      return out;
+    case Format::json:
+      return as_json(report).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
+    case Format::html:
+      return html_page(report, recording);
+  }
+  return out;
+}
+
+}  // namespace ferrobench::recordings

@@ -1,0 +1,34 @@
+// What a recording shows, as tables: stroke, hysteresis, creep, rates and minor loops; and the whole as text,
+// Markdown, CSV, JSON or one self-contained HTML page with pictures.
+//
+// A table that the recording has nothing for (no hold, one rate only, no such channel) is left out.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "recordings/recording.h"
+#include "recordings/reports/table.h"
+
+namespace ferrobench::recordings {
+
+struct Report {
+  std::string title;
+  std::vector<std::pair<std::string, std::string>> facts;  // specimen, load, status, ...
+  std::vector<Table> tables;
+};
+
+Report make_report(const Recording& recording);
+// HTML draws its pictures with gnuplot; without it the page says so in their place.
+std::string render(const Report& report, const Recording& recording, Format format);
+
+// The tables one by one.
+std::optional<Table> stroke_table(const Recording& recording);
+std::optional<Table> hysteresis_table(const Recording& recording);
+std::optional<Table> creep_table(const Recording& recording);
+std::optional<Table> rate_table(const Recording& recording);
+std::optional<Table> minor_loop_table(const Recording& recording);
+
+}  // namespace ferrobench::recordings

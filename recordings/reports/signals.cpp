@@ -1,0 +1,94 @@
+#include "recordings/reports/signals.h"
+
+#include <cmath>
+
+#include "recordings/statistics.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+Signal judged(std::vector<double> values, std::optional<double> noise) {
+  Signal out{.values = std::move(values), .noise = 0, .exact = true};
+  double low = INFINITY, high = -INFINITY;
+  for (const double v : out.values) {
+    if (std::isnan(v)) continue;
+    low = std::min(low, v);
+    high = std::max(high, v);
+  }
+  out.noise = noise.value_or(estimate_noise(out.values));
+  out.exact = !(out.noise > 1e-6 * (high - low));
+  return out;
+}
+
+// The parabola of least squares through y[first..last] at sample `at`; samples count as equally spaced.
+double parabola_at(std::span<const double> y, std::size_t first, std::size_t last, std::size_t at) {
+  std::array<double, 5> s{};
+  std::array<double, 3> m{};
+  for (std::size_t i = first; i <= last; ++i) {
+    if (std::isnan(y[i])) continue;
+    const double x = static_cast<double>(i) - static_cast<double>(at);
+    const double x2 = x * x;
+    s[0] += 1, s[1] += x, s[2] += x2, s[3] += x2 * x, s[4] += x2 * x2;
+    m[0] += y[i], m[1] += x * y[i], m[2] += x2 * y[i];
+  }
+  const double determinant = s[0] * (s[2] * s[4] - s[3] * s[3]) - s[1] * (s[1] * s[4] - s[2] * s[3]) +
+                             s[2] * (s[1] * s[3] - s[2] * s[2]);
+  if (s[0] < 3 || !(determinant > 1e-9 * s[0] * s[2] * s[4])) return y[at];
+  return (m[0] * (s[2] * s[4] - s[3] * s[3]) - s[1] * (m[1] * s[4] - s[3] * m[2]) +
+          s[2] * (m[1] * s[3] - s[2] * m[2])) /
+         determinant;
+}
+
+void smooth_leg(const std::vector<double>& y, std::size_t first, std::size_t last, std::vector<double>& out) {
+  const std::size_t half = std::min<std::size_t>((last - first) / 40, 50);
+  if (half < 2) return;
+  for (std::size_t i = first; i <= last; ++i)
+    out[i] = parabola_at(y, i > first + half ? i - half : first, std::min(last, i + half), i);
+}
+
+}  // namespace
+
+Signal signal(const Recording& recording, Channel channel) {
+  return judged(recording.at(channel), recording.noise.at(static_cast<std::size_t>(channel)));
+}
+
+Signal polarization(const Recording& recording) {
+  const auto& specimen = recording.header.specimen;
+  const double total_area = specimen.area * static_cast<double>(specimen.layer_count);
+  auto values = recording.at(Channel::charge);
+  for (auto& value : values) value /= total_area;
+  auto noise = recording.noise.at(static_cast<std::size_t>(Channel::charge));
+  if (noise) noise = *noise / total_area;
+  return judged(std::move(values), noise);
+}
+
+const std::vector<double>& field_of(const Recording& recording) {
+  return recording.at(recording.has(Channel::field) ? Channel::field : Channel::command);
+}
+
+std::vector<double> smoothed(const Recording& recording, const Signal& signal,
+                             const std::vector<Turn>& turns) {
+  auto out = signal.values;
+  if (signal.exact || recording.size() < 2) return out;
+  std::vector<std::size_t> corners{0, recording.size() - 1};
+  for (const auto& turn : turns) {
+    corners.push_back(turn.arrive);
+    corners.push_back(turn.leave);
+  }
+  std::ranges::sort(corners);
+  for (std::size_t i = 1; i < corners.size(); ++i) smooth_leg(signal.values, corners[i - 1], corners[i], out);
+  return out;
+}
+
+double edge_value(const Recording& recording, const Signal& signal, std::size_t first, std::size_t count,
+                  bool at_end) {
+  const std::size_t at = at_end ? first + count - 1 : first;
+  if (signal.exact) return signal.values[at];
+  const std::size_t part = std::min(count, std::max<std::size_t>(5, count / 100));
+  const std::size_t from = at_end ? first + count - part : first;
+  const auto line =
+      fit_line(std::span(recording.time).subspan(from, part), std::span(signal.values).subspan(from, part));
+  return line.at(recording.time[at]);
+}
+
+}  // namespace ferrobench::recordings

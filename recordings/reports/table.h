@@ -1,0 +1,49 @@
+// The one model of a report's table, and how it is rendered: as text, Markdown, CSV, JSON or an HTML
+// fragment.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace ferrobench::recordings {
+
+enum class Format { text, md, csv, json, html };
+// "text", "md", "csv", "json", "html"; Error(invalid_params) otherwise.
+Format format_from_name(const std::string& name);
+
+// key: the column's name in JSON and CSV, with the unit in it ("stroke_um"). title: what people read
+// ("stroke").
+struct Column {
+  std::string key;
+  std::string title;
+  std::string unit;  // "" for none
+};
+
+// Empty cells are values that could not be measured.
+using Cell = std::variant<std::monostate, double, std::int64_t, std::string>;
+Cell cell(std::optional<double> value);
+
+struct Table {
+  std::string key;    // "stroke"
+  std::string title;  // "Stroke per cycle"
+  std::vector<Column> columns;
+  std::vector<std::vector<Cell>> rows;
+  std::vector<std::string> notes;  // how it was measured, below the table
+};
+
+std::string to_text(const Table& table);
+std::string to_markdown(const Table& table);
+std::string to_csv(const Table& table);      // a heading line of keys, then rows; numbers in full
+nlohmann::json to_json(const Table& table);  // {title, rows: [{key: value}], notes}
+std::string to_html(const Table& table);     // <section> with heading, table and notes
+
+std::string escape_html(std::string_view text);
+std::string escape_markdown(std::string_view text);
+std::string escape_csv(std::string_view text);
+std::string number_text(double value);     // four significant digits
+std::string number_in_full(double value);  // reads back to the same double
+
+}  // namespace ferrobench::recordings
