@@ -58,8 +58,11 @@ class Input {
   std::vector<std::string> read_texts(const Handle& type, const Handle& space, const Reader& read,
                                       const std::string& place) const;
 
+  void check_text_heaps() const;
+
   std::string path_;
   Handle file_;
+  mutable bool text_heaps_checked_ = false;
 };
 
 }  // namespace ferrobench::recordings::hdf5

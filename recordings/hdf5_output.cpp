@@ -21,6 +21,15 @@ Handle scalar() {
   return space(H5Screate(H5S_SCALAR));
 }
 
+// Texts one after the other, each filled up to the longest.
+std::pair<std::size_t, std::string> padded(std::span<const std::string> values) {
+  std::size_t width = 1;
+  for (const auto& value : values) width = std::max(width, value.size());
+  std::string table(width * values.size(), '\0');
+  for (std::size_t i = 0; i < values.size(); ++i) values[i].copy(&table[i * width], values[i].size());
+  return {width, std::move(table)};
+}
+
 bool is_full(const std::string& path, int error) {
   if (error == ENOSPC || error == EDQUOT || error == EFBIG) return true;
   struct statvfs status {};
@@ -81,10 +90,7 @@ void Output::text(const std::string& place, const std::string& value) {
 }
 
 void Output::texts(const std::string& place, std::span<const std::string> values) {
-  std::size_t width = 1;
-  for (const auto& value : values) width = std::max(width, value.size());
-  std::string table(width * values.size(), '\0');
-  for (std::size_t i = 0; i < values.size(); ++i) values[i].copy(&table[i * width], values[i].size());
+  const auto [width, table] = padded(values);
   write(place, text_type(width), line(values.size()), table.data());
 }
 
@@ -118,10 +124,13 @@ void Output::attribute(const std::string& place, const char* name, const std::st
   annotate(place, name, text_type(), scalar(), static_cast<const void*>(&text));
 }
 
+void Output::fixed_attribute(const std::string& place, const char* name, const std::string& value) {
+  annotate(place, name, text_type(std::max<std::size_t>(1, value.size())), scalar(), value.c_str());
+}
+
 void Output::attribute(const std::string& place, const char* name, std::span<const std::string> values) {
-  std::vector<const char*> texts;
-  for (const auto& value : values) texts.push_back(value.c_str());
-  annotate(place, name, text_type(), line(texts.size()), static_cast<const void*>(texts.data()));
+  const auto [width, table] = padded(values);
+  annotate(place, name, text_type(width), line(values.size()), table.data());
 }
 
 void Output::attribute(const std::string& place, const char* name, std::span<const double> values) {

@@ -27,7 +27,10 @@ class Output {
   void numbers(const std::string& place, std::span<const double> values, const std::string& unit);
   void integers(const std::string& place, std::span<const std::int64_t> values);
 
+  // Of variable length, as NeXus viewers compare them as they come; the others stand in the checksummed
+  // header.
   void attribute(const std::string& place, const char* name, const std::string& value);
+  void fixed_attribute(const std::string& place, const char* name, const std::string& value);
   void attribute(const std::string& place, const char* name, std::span<const std::string> values);
   void attribute(const std::string& place, const char* name, std::span<const double> values);
   void attribute(const std::string& place, const char* name, std::int64_t value);

@@ -59,6 +59,8 @@ std::string column_place(Channel channel) {
   return "/entry/data/" + std::string(channel_name(channel));
 }
 
+constexpr std::size_t kind_bytes = 64, message_bytes = 1024;  // of an event in a growing file
+
 template <class T>
 void transfer(herr_t (*move)(hid_t, hid_t, hid_t, hid_t, hid_t, T*), const hdf5::Output& out,
               const hdf5::Handle& column, hid_t type, std::uint64_t first, std::uint64_t rows,
@@ -80,7 +82,8 @@ OutputFile::OutputFile(const std::string& path, Kind kind, const Header& header,
     : kind_(kind), rows_(rows), raw_width_(raw.size()), out_(create(path, kind), path) {
   write_header(header);
   make_columns(header, channels);
-  make_events();
+  out_.group("/entry/events", "NXcollection");
+  if (kind == Kind::growing) make_events();
   if (!raw.empty()) make_raw(raw);
 }
 
@@ -180,16 +183,15 @@ void OutputFile::make_raw(std::span<const RawColumn> raw) {
 }
 
 void OutputFile::make_events() {
-  out_.group("/entry/events", "NXcollection");
   const hsize_t none = 0, chunk = 64, unlimited = H5S_UNLIMITED;
   const auto space = hdf5::space(H5Screate_simple(1, &none, &unlimited));
   const auto properties = hdf5::properties(H5Pcreate(H5P_DATASET_CREATE));
   H5Pset_obj_track_times(properties.get(), false);
   H5Pset_chunk(properties.get(), 1, &chunk);
-  const auto text = hdf5::text_type();
+  const auto kind = hdf5::text_type(kind_bytes), message = hdf5::text_type(message_bytes);
   for (const auto& [place, type] :
-       {std::pair{"/entry/events/time", H5T_NATIVE_DOUBLE}, std::pair{"/entry/events/kind", text.get()},
-        std::pair{"/entry/events/message", text.get()}})
+       {std::pair{"/entry/events/time", H5T_NATIVE_DOUBLE}, std::pair{"/entry/events/kind", kind.get()},
+        std::pair{"/entry/events/message", message.get()}})
     out_.need(static_cast<bool>(hdf5::dataset(H5Dcreate2(out_.id(), place, type, space.get(), H5P_DEFAULT,
                                                          properties.get(), H5P_DEFAULT))),
               place);
@@ -197,19 +199,33 @@ void OutputFile::make_events() {
 }
 
 void OutputFile::add_event(const Event& event) {
-  const auto text = hdf5::text_type();
-  const char* kind = event.kind.c_str();
-  const char* message = event.message.c_str();
   const hsize_t size = events_ + 1;
   const auto add = [&](const char* place, hid_t type, const void* value) {
     const auto column = hdf5::dataset(H5Dopen2(out_.id(), place, H5P_DEFAULT));
     out_.need(column && H5Dset_extent(column.get(), &size) >= 0, place);
     transfer(&H5Dwrite, out_, column, type, events_, 1, 0, value, place);
   };
+  const auto add_text = [&](const char* place, std::string text, std::size_t bytes) {
+    text.resize(bytes, '\0');
+    add(place, hdf5::text_type(bytes).get(), text.data());
+  };
   add("/entry/events/time", H5T_NATIVE_DOUBLE, &event.time);
-  add("/entry/events/kind", text.get(), static_cast<const void*>(&kind));
-  add("/entry/events/message", text.get(), static_cast<const void*>(&message));
+  add_text("/entry/events/kind", event.kind, kind_bytes);
+  add_text("/entry/events/message", event.message, message_bytes);
   ++events_;
+}
+
+void OutputFile::write_events(std::span<const Event> events) {
+  std::vector<double> times;
+  std::vector<std::string> kinds, messages;
+  for (const auto& event : events) {
+    times.push_back(event.time);
+    kinds.push_back(event.kind);
+    messages.push_back(event.message);
+  }
+  out_.numbers("/entry/events/time", times, "s");
+  out_.texts("/entry/events/kind", kinds);
+  out_.texts("/entry/events/message", messages);
 }
 
 void OutputFile::write(std::uint64_t first, const Rows& rows) {
@@ -252,7 +268,7 @@ void OutputFile::read(std::uint64_t first, std::span<double> time,
 void OutputFile::write_status(const std::string& status, const std::string& reason) {
   out_.remove("/entry/status");
   out_.text("/entry/status", status);
-  if (!reason.empty()) out_.attribute("/entry/status", "reason", reason);
+  if (!reason.empty()) out_.fixed_attribute("/entry/status", "reason", reason);
 }
 
 void OutputFile::write_closing(const Closing& closing) {

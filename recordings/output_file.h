@@ -33,7 +33,8 @@ class OutputFile {
   // Reads rows back; each span is as long as the number of rows wanted, or empty.
   void read(std::uint64_t first, std::span<double> time, const std::array<std::span<double>, 5>& channels,
             std::span<std::int16_t> counts) const;
-  void add_event(const Event& event);
+  void add_event(const Event& event);                // to a growing file; long messages are cut
+  void write_events(std::span<const Event> events);  // into a packed file, all at once
   void write_status(const std::string& status, const std::string& reason = "");
   void write_closing(const Closing& closing);
   void flush() { out_.flush(); }

@@ -100,7 +100,7 @@ struct Writer::State {
       file.read(first, block.time, columns, block.counts);
       packed.write(first, block.rows());
     }
-    for (const auto& event : events) packed.add_event(event);
+    packed.write_events(events);
     packed.write_closing(closing);
     packed.flush();
     packed.close();
@@ -199,7 +199,7 @@ void write_recording(const std::string& path, const Recording& recording) {
     OutputFile file(part_name(path), OutputFile::Kind::packed, recording.header, channels, raw,
                     recording.size());
     file.write(0, rows);
-    for (const auto& event : recording.events) file.add_event(event);
+    file.write_events(recording.events);
     file.write_closing(
         {recording.end_time, recording.status, recording.reason, recording.segments, recording.noise});
     file.flush();
