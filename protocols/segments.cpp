@@ -89,6 +89,7 @@ void check_keys(Points& s, const Place& place) {
   if (s.csv) s.points = read_points(*s.csv, pointer(place.path, "csv"), place.problems);
 }
 void check_values(const Points& s, const Place& place) {
+  if (!s.points) return;  // given as null, which has been reported
   const std::string key = s.csv ? "csv" : "points";
   if (s.points->empty()) return place.add(key, {.message = "has no point"});
   double before = -1;

@@ -1,0 +1,125 @@
+// The published schema and validate() agree, as far as a schema can say it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+
+#include "tests/protocols/programs.h"
+
+namespace ferrobench::protocols {
+namespace {
+
+using nlohmann::json;
+
+json one(json segment) {
+  return program(json::array({std::move(segment)}));
+}
+
+std::vector<json> documents() {
+  std::vector<json> out;
+  for (const auto& name : library_names()) out.push_back(library_protocol(name).json());
+  const json hold = {{"kind", "hold"}, {"time", 1}};
+  const std::vector<json> segments = {
+      hold,
+      {{"kind", "ramp"}, {"to", 1}, {"time", 1}, {"label", "up"}},
+      {{"kind", "reversals"}, {"count", 3}, {"first", 1}, {"last", 0}, {"rate", 1}, {"hold", 1}},
+      {{"kind", "reversals"},
+       {"order", 2},
+       {"points", {1, 2}},
+       {"rate", 1},
+       {"back_to", 0},
+       {"hold_back", 1}},
+      {{"kind", "reversals"},
+       {"order", 3},
+       {"points", {1}},
+       {"rate", 1},
+       {"back_to", 3},
+       {"rise", 1},
+       {"through", 0}},
+      {{"kind", "triangle"}, {"low", 0}, {"high", 1}, {"frequency", 1}, {"cycles", 2}, {"first", "down"}},
+      {{"kind", "sine"}, {"amplitude", 1}, {"frequency", 1}, {"cycles", 1.5}, {"phase", 90}},
+      {{"kind", "pund"}, {"amplitude", -1}, {"width", 1}, {"delay", 1}, {"rise", 1}},
+      {{"kind", "points"}, {"points", {{0, 1}, {1, 2}}}},
+      {{"kind", "points"}, {"csv", "0,1\n1,2\n"}},
+      {{"kind", "repeat"}, {"count", 2}, {"segments", json::array({hold})}}};
+  for (const auto& segment : segments) {
+    out.push_back(one(segment));
+    for (const auto& [key, value] : segment.items()) {
+      auto less = segment;
+      less.erase(key);
+      out.push_back(one(less));
+      for (const auto& other :
+           {json(nullptr), json("$x"), json(true), json(-2e9), json::object(), json::array()}) {
+        auto changed = segment;
+        changed[key] = other;
+        out.push_back(one(changed));
+        out.back()["parameters"] = {{"x", 1}};
+      }
+    }
+    for (const auto* key : {"rate", "time", "points", "order", "rise", "hold_back", "unknown"}) {
+      auto more = segment;
+      more[key] = 1;
+      out.push_back(one(more));
+    }
+  }
+  const auto whole = one(hold);
+  for (const auto* key : {"format", "version", "name", "unit", "segments"}) {
+    auto less = whole;
+    less.erase(key);
+    out.push_back(less);
+  }
+  for (const auto* key : {"version", "name", "title", "unit", "layer_thickness_m", "sample_rate_Hz", "load",
+                          "parameters", "start", "segments", "other"}) {
+    for (const auto& value :
+         {json(0), json(1), json("V"), json(""), json(nullptr), json({{"prestress_Pa", 1}})}) {
+      auto changed = whole;
+      changed[key] = value;
+      out.push_back(changed);
+    }
+  }
+  return out;
+}
+
+// A schema cannot weigh one number against another, read CSV, or look up the value of a parameter.
+bool beyond_a_schema(const Problem& problem) {
+  for (const auto* message : {"must be below high", "is not a time and a level", "never moves nor waits",
+                              "has no point", "has a level outside its range"})
+    if (problem.message.find(message) != std::string::npos) return true;
+  return false;
+}
+
+TEST(Schema, AgreesWithValidate) {
+  json cases = json::array();
+  int good = 0, bad = 0;
+  for (const auto& document : documents()) {
+    const auto problems = validate(document);
+    const bool uses_parameter = document.dump().find("\"$x\"") != std::string::npos;
+    const bool unclear = !problems.empty() &&
+                         (uses_parameter || std::all_of(problems.begin(), problems.end(), beyond_a_schema));
+    if (unclear) continue;
+    cases.push_back({{"name", "case " + std::to_string(cases.size())},
+                     {"document", document},
+                     {"valid", problems.empty()}});
+    ++(problems.empty() ? good : bad);
+  }
+  EXPECT_GT(good, 40);
+  EXPECT_GT(bad, 200);
+  const auto path = testing::TempDir() + "protocol_schema_cases.json";
+  std::ofstream(path) << json{{"schema", protocol_schema()}, {"cases", cases}};
+  const std::string command =
+      std::string(FERROBENCH_PYTHON) + " " + FERROBENCH_SCHEMA_CHECK + " '" + path + "'";
+  EXPECT_EQ(std::system(command.c_str()), 0) << "needs python3-jsonschema; " << command;
+}
+
+TEST(Schema, NamesEveryKindWithItsUnits) {
+  const auto schema = protocol_schema();
+  std::vector<std::string> kinds;
+  for (const auto& kind : schema["$defs"]["segment"]["oneOf"]) kinds.push_back(kind["title"]);
+  EXPECT_EQ(kinds, (std::vector<std::string>{"ramp", "hold", "repeat", "reversals", "triangle", "sine",
+                                             "pund", "points"}));
+  EXPECT_EQ(schema["$defs"]["segment"]["oneOf"][0]["properties"]["rate"]["x-unit"], "kV/mm/s or V/s");
+}
+
+}  // namespace
+}  // namespace ferrobench::protocols
