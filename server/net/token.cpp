@@ -46,9 +46,9 @@ void create(const std::filesystem::path& file) {
   if (std::filesystem::create_directories(file.parent_path(), ec))
     std::filesystem::permissions(file.parent_path(), std::filesystem::perms::owner_all, ec);
   if (ec) fail_errno(file, ec.value());
-  const std::string draft = file.string() + "." + std::to_string(getpid());
+  std::string draft = file.string() + ".XXXXXX";
   const std::string text = random_token() + "\n";
-  const int fd = open(draft.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0600);
+  const int fd = mkostemp(draft.data(), O_CLOEXEC);  // of mode 0600
   if (fd < 0) fail_errno(file, errno);
   const bool written =
       write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && fsync(fd) == 0;
