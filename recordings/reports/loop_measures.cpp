@@ -39,7 +39,7 @@ LoopMeasures LoopMeter::measure(const Cycle& cycle) const {
     out.displacement_low = range->low;
     out.displacement_high = range->high;
     out.stroke = range->span();
-    out.displacement_area = std::abs(loop_integral(field, displacement));
+    out.displacement_area = enclosed_area(field, displacement);
     const auto half = crossings(field, displacement, 0.5 * (range->low + range->high));
     if (half.size() >= 2) out.width = std::abs(half.back() - half.front());
   }

@@ -12,7 +12,7 @@ namespace ferrobench::recordings {
 struct LoopMeasures {
   std::optional<double> displacement_low, displacement_high, stroke;  // m
   std::optional<double> force_span;                                   // N
-  // Area within displacement against field, m V/m.
+  // Area within displacement against field, m V/m; both wings of a butterfly count as positive.
   std::optional<double> displacement_area;
   // Field on the way back minus field on the way out, both at half stroke: where the displacement first
   // passes half its range and where it last does. V/m, without sign.

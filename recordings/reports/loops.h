@@ -11,6 +11,10 @@ namespace ferrobench::recordings {
 // plane.
 double loop_integral(std::span<const double> x, std::span<const double> y);
 
+// The area between the way out and the way back, if x goes to its far end and back once (the parts of a
+// figure eight add up); else the integral above without its sign.
+double enclosed_area(std::span<const double> x, std::span<const double> y);
+
 struct Extremes {
   double low, high;
   double span() const { return high - low; }

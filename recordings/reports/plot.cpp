@@ -62,7 +62,7 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
     const auto& figure = figures[k];
     const auto number = std::to_string(k);
     out += std::string("set terminal svg size ") + (figure.square ? "460,360" : "940,220") +
-           " dynamic font 'sans-serif,12' " + "background 'none' name 'figure" + number + "'\n";
+           " dynamic font 'sans-serif,12' name 'figure" + number + "'\n";
     out += "set output " + quoted(folder.file(number + ".svg")) + '\n';
     out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
     out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +

@@ -1,0 +1,168 @@
+#include "recordings/tables/comparison.h"
+
+#include <cmath>
+
+#include "protocols/common/units.h"
+#include "recordings/reports/creep.h"
+#include "recordings/reports/html_page.h"
+#include "recordings/reports/loop_measures.h"
+#include "recordings/reports/signals.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+constexpr double field_match = 2e3;  // V/m: levels are given to 0.01 kV/mm, reached to a bit of the converter
+constexpr double share_match = 0.02;  // of prestress and rate
+
+bool near(double value, double wanted) {
+  return std::abs(value - wanted) <= share_match * std::abs(wanted);
+}
+
+bool is_displacement(const PublishedCell& cell) {
+  return cell.quantity.starts_with("displacement");
+}
+
+std::optional<double> creep_of(const PublishedCell& cell, const Recording& r) {
+  const auto channel = is_displacement(cell) ? Channel::displacement : Channel::charge;
+  if (!r.has(channel)) return std::nullopt;
+  const double wanted = cell.key("field_kV_per_mm") * volts_per_m_in_kv_per_mm;
+  std::optional<Hold> found;
+  for (const auto& hold : find_holds(r))
+    if (std::abs(hold.level - wanted) <= field_match && (!found || hold.duration > 1.01 * found->duration))
+      found = hold;
+  if (!found) return std::nullopt;
+  const auto measured = is_displacement(cell) ? signal(r, channel) : polarization(r);
+  const double change = std::abs(measure_creep(r, measured, *found).change);
+  return is_displacement(cell) ? change / metre_in_um : change;
+}
+
+std::optional<double> stroke_of(const PublishedCell& cell, const Recording& r) {
+  if (!r.has(Channel::displacement)) return std::nullopt;
+  const LoopMeter meter(r);
+  std::optional<double> largest;
+  for (const auto& cycle : find_cycles(r)) {
+    if (!near(cycle.rate * r.header.specimen.layer_thickness, cell.key("rate_V_per_s"))) continue;
+    if (const auto stroke = meter.measure(cycle).stroke)
+      largest = std::max(largest.value_or(0), *stroke / metre_in_um);
+  }
+  return largest;
+}
+
+std::optional<double> measure(const std::string& table, const PublishedCell& cell, const Recording& r) {
+  if (table == "3.13") return stroke_of(cell, r);
+  const bool by_prestress = table != "3.10";
+  if (by_prestress && !near(r.header.load.prestress, cell.key("prestress_MPa") * pascal_in_mpa))
+    return std::nullopt;
+  return creep_of(cell, r);
+}
+
+std::optional<double> log_error(const ComparedCell& cell) {
+  if (!cell.measured || !(*cell.measured > 0)) return std::nullopt;
+  return std::log(*cell.measured / cell.published.published);
+}
+
+bool in_arbitrary_units(const std::string& quantity) {
+  return quantity == "polarization_range";
+}
+
+}  // namespace
+
+Comparison compare(const PublishedTable& table, std::span<const Recording> recordings) {
+  Comparison out{.table = table, .cells = {}, .scale = {}, .rms_log_error = {}};
+  for (const auto& cell : table.cells) {
+    out.cells.push_back({cell, std::nullopt});
+    for (const auto& recording : recordings)
+      if (!out.cells.back().measured) out.cells.back().measured = measure(table.name, cell, recording);
+  }
+  std::map<std::string, std::vector<double>> errors;
+  for (const auto& cell : out.cells)
+    if (const auto error = log_error(cell)) errors[cell.published.quantity].push_back(*error);
+  for (auto& [quantity, list] : errors) {
+    const auto count = static_cast<double>(list.size());
+    if (in_arbitrary_units(quantity)) {
+      double mean = 0;
+      for (const double error : list) mean += error / count;
+      for (double& error : list) error -= mean;
+      out.scale[quantity] = std::exp(-mean);
+      for (auto& cell : out.cells)
+        if (cell.measured && cell.published.quantity == quantity) *cell.measured *= out.scale[quantity];
+    }
+    double squares = 0;
+    for (const double error : list) squares += error * error;
+    out.rms_log_error[quantity] = std::sqrt(squares / count);
+  }
+  return out;
+}
+
+nlohmann::json to_json(const Comparison& comparison) {
+  auto cells = nlohmann::json::array();
+  for (const auto& cell : comparison.cells) {
+    nlohmann::json item{{"quantity", cell.published.quantity},
+                        {"published", cell.published.published},
+                        {"measured", nullptr},
+                        {"error", nullptr},
+                        {"doubtful", cell.published.doubtful}};
+    for (const auto& [key, value] : cell.published.keys) item[key] = value;
+    if (cell.measured) {
+      item["measured"] = *cell.measured;
+      item["error"] = *cell.measured / cell.published.published - 1;
+    }
+    cells.push_back(std::move(item));
+  }
+  nlohmann::json out{{"table", comparison.table.name},
+                     {"title", comparison.table.title},
+                     {"cells", std::move(cells)},
+                     {"rms_log_error", comparison.rms_log_error}};
+  if (!comparison.scale.empty()) out["scale"] = comparison.scale;
+  return out;
+}
+
+Table as_table(const Comparison& comparison) {
+  Table table{.key = "table_" + comparison.table.name,
+              .title = comparison.table.title,
+              .columns = {{"quantity", "quantity", ""}},
+              .rows = {},
+              .notes = {}};
+  if (!comparison.cells.empty())
+    for (const auto& [key, value] : comparison.cells.front().published.keys)
+      table.columns.push_back({key, key, ""});
+  table.columns.insert(table.columns.end(), {{"measured", "measured", ""},
+                                             {"published", "published", ""},
+                                             {"error_percent", "error", "%"},
+                                             {"doubtful", "print doubtful", ""}});
+  for (const auto& cell : comparison.cells) {
+    std::vector<Cell> row{cell.published.quantity};
+    for (const auto& [key, value] : cell.published.keys) row.emplace_back(value);
+    const auto error =
+        cell.measured ? std::optional(100 * (*cell.measured / cell.published.published - 1)) : std::nullopt;
+    row.insert(row.end(),
+               {ferrobench::recordings::cell(cell.measured), cell.published.published,
+                ferrobench::recordings::cell(error), std::string(cell.published.doubtful ? "yes" : "")});
+    table.rows.push_back(std::move(row));
+  }
+  for (const auto& [quantity, error] : comparison.rms_log_error)
+    table.notes.push_back("root-mean-square log error of " + quantity + ": " + number_text(error));
+  for (const auto& [quantity, scale] : comparison.scale)
+    table.notes.push_back(quantity + " was published in arbitrary units: measured in C/m^2 times " +
+                          number_text(scale));
+  return table;
+}
+
+std::string render(const Comparison& comparison, Format format) {
+  const auto table = as_table(comparison);
+  switch (format) {
+    case Format::text:
+      return to_text(table);
+    case Format::md:
+      return to_markdown(table);
+    case Format::csv:
+      return to_csv(table);
+    case Format::json:
+      return to_json(comparison).dump(2) + '\n';
+    case Format::html:
+      return html_frame("Table " + comparison.table.name, to_html(table));
+  }
+  return "";
+}
+
+}  // namespace ferrobench::recordings

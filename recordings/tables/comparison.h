@@ -1,0 +1,48 @@
+// A published table with the values that recordings give for its cells, and how far they are apart.
+//
+// Which recording a cell is measured in:
+//   3.10        the hold at the cell's field (of several the longest)
+//   3.11, 3.12  the same, in the recording whose prestress is the cell's
+//   3.13        the largest stroke of the cycles at the cell's rate; V/s = V/m/s times the layer thickness
+// As in the source, a creep value is the difference between the values at the start and at the end of the
+// hold, without sign; the hold starts at the corner after the ramp (recordings/reports/creep.h says how noise
+// is dealt with).
+//
+// Table 3.10 gives the polarization in units of its own. The measured values are multiplied by the one factor
+// that makes the mean log error zero.
+#pragma once
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recordings/recording.h"
+#include "recordings/reports/table.h"
+#include "recordings/tables/published.h"
+
+namespace ferrobench::recordings {
+
+struct ComparedCell {
+  PublishedCell published;
+  std::optional<double> measured;  // in the quantity's unit, scaled; none if no recording has it
+};
+
+struct Comparison {
+  PublishedTable table;
+  std::vector<ComparedCell> cells;
+  std::map<std::string, double> scale;          // by quantity, of those in arbitrary units
+  std::map<std::string, double> rms_log_error;  // by quantity: sqrt(mean(ln(measured / published)^2))
+};
+
+Comparison compare(const PublishedTable& table, std::span<const Recording> recordings);
+
+// {table, cells: [{quantity, <keys>, measured, published, error, doubtful}], rms_log_error: {quantity: x},
+// scale}
+nlohmann::json to_json(const Comparison& comparison);
+Table as_table(const Comparison& comparison);
+std::string render(const Comparison& comparison, Format format);
+
+}  // namespace ferrobench::recordings
