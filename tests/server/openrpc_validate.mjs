@@ -16,12 +16,16 @@ async function discover() {
   return (await reply.json()).result;
 }
 
-// The two meta-schemas name each other by address; here they are given by hand, nothing is fetched. They are draft 7
-// in all but the address that they give as their own dialect.
-const plain = (schema, id) => ({ ...structuredClone(schema.default ?? schema), $schema: undefined, $id: id });
+// The two meta-schemas name each other by address, with and without a slash at the end; here they are given by hand
+// under one address, and nothing is fetched. Both are draft 7, whatever dialect they say they are written in.
+function plain(module) {
+  const schema = module.$id ? module : module.default;
+  const text = JSON.stringify({ ...schema, $schema: undefined });
+  return JSON.parse(text.replaceAll(/https:\/\/meta\.json-schema\.tools\/?(?=["#])/g, "https://meta.json-schema.tools/schema"));
+}
 const ajv = new Ajv({ strict: false, allErrors: true, validateFormats: false });
-ajv.addSchema(plain(jsonSchema, "https://meta.json-schema.tools/"));
-const validate = ajv.compile(plain(openrpc, "https://meta.open-rpc.org/"));
+ajv.addSchema(plain(jsonSchema));
+const validate = ajv.compile(plain(openrpc));
 
 const document = await discover();
 if (!validate(document)) {

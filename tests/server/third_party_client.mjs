@@ -50,7 +50,8 @@ assert.ok(JSON.stringify(report).length > 100);
 const batch = await client.request([
   client.request("system.info", {}, undefined, false),
   client.request("no.such.method", {}, undefined, false),
-  client.request("run.status", {}, null, false),
+  client.request("run.status", {}, undefined, false),
+  client.request("run.status", {}, null, false), // a notification: no reply
 ]);
 assert.equal(batch.length, 3);
 assert.equal(batch.filter((r) => r.result !== undefined).length, 2);
