@@ -1,0 +1,10 @@
+// The limits in force. Their names, units and meanings are those of the daemon's own description.
+import { byId, element, quantity } from "./dom.js";
+
+export async function showLimits(rpc) {
+  const [limits, document] = await Promise.all([rpc.call("limits.get"), rpc.call("rpc.discover")]);
+  const schema = document.methods.find((m) => m.name === "limits.get")?.result.schema.properties ?? {};
+  byId("limits").replaceChildren(...Object.entries(limits).map(([name, value]) =>
+    element("tr", {}, element("th", { scope: "row" }, schema[name]?.description ?? name.replaceAll("_", " ")),
+      element("td", { class: "number" }, quantity(value, schema[name]?.["x-unit"])))));
+}
