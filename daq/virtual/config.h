@@ -24,7 +24,7 @@ struct ChannelConfig {
 };
 
 struct VirtualConfig {
-  nlohmann::json model = "nec_ae0505d08";  // a shipped model's name, or a model
+  nlohmann::json model = "soft-pzt";  // a shipped model's name, or a model
   std::int64_t seed = 1;
   Clock clock = Clock::real;
   double field_range = 2e6;  // V/m; +-200 V on layers of 100 um

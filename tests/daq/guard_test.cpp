@@ -12,8 +12,8 @@ protocols::SampledWaveform loop() {
   return program({line(0, 1e6, 1), line(1e6, 1e6, 1), line(1e6, -1e5, 1), line(-1e5, 3e5, 1)}, 1000);
 }
 
-struct Run {
-  explicit Run(const Limits& given = {}) : limits(given), device(given) {}
+struct Session {
+  explicit Session(const Limits& given = {}) : limits(given), device(given) {}
 
   // Reads to the end; `each` is called with the guard before every read.
   template <class Each>
@@ -54,7 +54,7 @@ struct Run {
 using Kinds = std::vector<std::string>;
 
 TEST(Guard, ACompleteRunHasEveryRowOfTheProgramAndEndsAtZero) {
-  Run run;
+  Session run;
   const auto outcome = run.go();
   EXPECT_EQ(outcome.end, End::complete);
   EXPECT_EQ(outcome.reason, "");
@@ -67,7 +67,7 @@ TEST(Guard, ACompleteRunHasEveryRowOfTheProgramAndEndsAtZero) {
 }
 
 TEST(Guard, AStopIsARampInTheRecording) {
-  Run run;
+  Session run;
   const auto outcome = run.go([&run](Guard& guard) {
     if (run.rows > 1500) guard.stop("operator");
   });
@@ -80,7 +80,7 @@ TEST(Guard, AStopIsARampInTheRecording) {
 }
 
 TEST(Guard, AStopBeforeTheStartIsNotForgotten) {
-  Run run;
+  Session run;
   Guard guard(run.device, run.limits);
   guard.stop("changed my mind");
   EXPECT_THROW(guard.go_to(1e6, 1e6), Error);
@@ -89,7 +89,7 @@ TEST(Guard, AStopBeforeTheStartIsNotForgotten) {
 }
 
 TEST(Guard, AMeasuredValuePastItsLimitTrips) {
-  Run run;
+  Session run;
   run.device.displacement = 11000;  // 110 um
   const auto outcome = run.go();
   EXPECT_EQ(outcome.end, End::limit);
@@ -99,7 +99,7 @@ TEST(Guard, AMeasuredValuePastItsLimitTrips) {
 }
 
 TEST(Guard, AnAmplifierThatRunsAwayTrips) {
-  Run run;
+  Session run;
   Guard guard(run.device, run.limits);
   run.device.monitor_gain = 10;  // the monitor now shows 20 times what is put out
   guard.start(loop());
@@ -110,7 +110,7 @@ TEST(Guard, AnAmplifierThatRunsAwayTrips) {
 }
 
 TEST(Guard, AnOpenInterlockForbidsTheStartAndStopsARun) {
-  Run run;
+  Session run;
   bool closed = true;
   const auto outcome = run.go([&](Guard&) { closed = run.rows < 1200; }, [&closed] { return closed; });
   EXPECT_EQ(outcome.end, End::interlock);
@@ -124,7 +124,7 @@ TEST(Guard, AnOpenInterlockForbidsTheStartAndStopsARun) {
 }
 
 TEST(Guard, PausesOnlyInAHold) {
-  Run run;
+  Session run;
   int reads = 0;
   const auto outcome = run.go([&](Guard& guard) {
     ++reads;
@@ -132,14 +132,18 @@ TEST(Guard, PausesOnlyInAHold) {
       guard.pause();
       EXPECT_EQ(guard.progress().state, Progress::State::paused);
     }
-    if (reads == 3) guard.pause();
-    if (reads == 3) EXPECT_EQ(guard.progress().state, Progress::State::pausing);
+    if (reads == 3) {
+      guard.pause();
+      EXPECT_EQ(guard.progress().state, Progress::State::pausing);
+    }
     if (reads == 40) {
       EXPECT_EQ(guard.progress().state, Progress::State::paused);
       guard.resume();
       EXPECT_THROW(guard.resume(), Error);
     }
-    if (guard.progress().rows_read > 3500) EXPECT_THROW(guard.pause(), Error);
+    if (guard.progress().rows_read > 3500) {
+      EXPECT_THROW(guard.pause(), Error);
+    }
   });
   EXPECT_EQ(outcome.end, End::complete);
   EXPECT_GT(run.rows, loop().size() + 20 * 64);
@@ -152,7 +156,7 @@ TEST(Guard, SurvivesADeviceThatFails) {
   for (const auto fault : {Fault::throws, Fault::throws_oddly, Fault::hangs, Fault::torn, Fault::stray,
                            Fault::ends_early, Fault::lost, Fault::underrun}) {
     for (const int deaf : {0, 2}) {
-      Run run;
+      Session run;
       run.device.fault = fault;
       run.device.fault_at = 20;
       const auto outcome = run.go([&](Guard&) {
@@ -168,7 +172,7 @@ TEST(Guard, SurvivesADeviceThatFails) {
 }
 
 TEST(Guard, GoesOnThroughLostRowsAndSaysSo) {
-  Run run;
+  Session run;
   run.device.fault = Fault::gap;
   run.device.fault_at = 20;
   run.lost = 1;
@@ -180,7 +184,7 @@ TEST(Guard, GoesOnThroughLostRowsAndSaysSo) {
 }
 
 TEST(Guard, SaysSoWhenTheOutputCannotBeBroughtToZero) {
-  Run run;
+  Session run;
   run.device.fault = Fault::throws;
   run.device.fault_at = 10;
   const auto outcome = run.go([&](Guard&) { run.device.deaf = 1000; });

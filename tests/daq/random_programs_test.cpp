@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
-#include <numbers>
-
 #include "daq/guard/guard.h"
 #include "faulty_device.h"
 #include "programs.h"
@@ -33,7 +31,7 @@ class Maker {
     if (below(2) == 0) return l;
     l.field_max = below(4) == 0 ? 0 : std::pow(10, 3 + 5 * share());
     l.field_min = -std::pow(10, 3 + 5 * share());
-    l.slew = std::pow(10, 2 + 8 * share());
+    l.slew = (l.field_max - l.field_min) * std::pow(10, -2 + 6 * share());
     l.stop_slew = l.slew * std::pow(10, -3 * share());
     l.reverse_field_threshold = l.field_min * share();
     l.reverse_field_time = std::pow(10, -3 + 6 * share());
@@ -81,7 +79,7 @@ class Maker {
         here = there;
       }
     }
-    return sampled(std::move(pieces));
+    return sampled(std::move(pieces), l);
   }
 
   protocols::SampledWaveform mad(const Limits& l) {
@@ -99,16 +97,16 @@ class Maker {
         here = there;
       }
     }
-    return sampled(std::move(pieces));
+    return sampled(std::move(pieces), l);
   }
 
  private:
-  // At a rate that makes some hundred samples.
-  protocols::SampledWaveform sampled(std::vector<Piece> pieces) {
+  // At a rate that makes some hundred samples, and no more than some thousand of the longest way to zero.
+  protocols::SampledWaveform sampled(std::vector<Piece> pieces, const Limits& l) {
     double duration = 0;
     for (const auto& p : pieces) duration += p.duration;
-    const double samples = std::pow(10, 2.5 * share());
-    return program(std::move(pieces), std::clamp(samples / duration, 1e-3, 1e9));
+    const double most = 2000 * l.stop_slew / (l.field_max - l.field_min);
+    return program(std::move(pieces), std::min(std::pow(10, 2.5 * share()) / duration, most));
   }
 
   const Choices& choices_;
@@ -133,7 +131,7 @@ void run_with_accident(Maker& make, FaultyDevice& device, const Limits& limits,
   device.fault_at = make.below(6);
 
   Guard guard(device, limits, [&closed] { return closed; });
-  guard.go_to(program.value(0), limits.slew * make.share() + 1);
+  guard.go_to(program.value(0), limits.slew * (0.01 + make.share()));
   guard.start(program);
   device.deaf = make.below(8) == 0 ? 2 : 0;
   SampleBlock block;
