@@ -57,7 +57,7 @@ std::string quoted(const std::string& text) {
 std::string script(const std::vector<Figure>& figures, const ScratchFolder& folder) {
   std::string out =
       "set encoding utf8\nset grid lc rgb '#a0a0a0' lw 0.4\nset border 3 lw 0.8\nset tics nomirror\n"
-      "set key noenhanced outside right top\nset style data lines\n";
+      "set key noenhanced outside right top samplen 1.5\nset style data lines\nset autoscale xfix\n";
   for (std::size_t k = 0; k < figures.size(); ++k) {
     const auto& figure = figures[k];
     const auto number = std::to_string(k);
@@ -124,6 +124,8 @@ std::string read_svg(const std::string& path) {
   const auto start = text.find("<svg");
   if (start == std::string::npos || text.find("</svg>") == std::string::npos) return "";
   text.erase(0, start);
+  if (const auto name = text.find("<title>"); name != std::string::npos)  // it would show as a tooltip
+    text.erase(name, text.find("</title>") + 8 - name);
   replace_all(text, "color=\"black\"", "color=\"inherit\"");
   replace_all(text, "stroke='black'", "stroke='currentColor'");
   replace_all(text, "fill=\"black\"", "fill=\"currentColor\"");
