@@ -15,15 +15,13 @@ const rpc = new Rpc(connectionChanged);
 const live = new Live();
 const recordings = new Recordings(rpc);
 const run = new RunPanel(rpc, runChanged);
-const experiment = new Experiment(rpc, (status) => run.show(status));
+const experiment = new Experiment(rpc, (status) => run.begin(status));
 
 function runChanged(status, before) {
-  if (status.run !== before?.run || (run.busy() && !before?.busy)) live.begin(status);
-  experiment.allowStart(!run.busy());
-  if (before?.busy && !run.busy()) {
-    live.end(status);
-    recordings.refresh(status.recording);
-  }
+  const busy = run.busy();
+  experiment.allowStart(!busy);
+  if (busy || (status.run && status.run === live.run)) live.describe(status, busy);
+  if (!busy && before && (before.busy || before.run !== status.run)) recordings.refresh();
 }
 
 async function greet() {
@@ -50,7 +48,7 @@ function connectionChanged(open, retry) {
 rpc.on("run", (status) => run.show(status));
 rpc.on("samples", (samples) => {
   live.add(samples);
-  if (run.busy()) run.showOutput(samples.columns.command.max.at(-1));
+  if (run.busy()) run.showOutput(samples.columns.command?.max.at(-1));
 });
 rpc.on("events", (event) => {
   addEvent(event);

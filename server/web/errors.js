@@ -4,10 +4,15 @@ import { byId, element } from "./dom.js";
 const shown = (value) => (typeof value === "string" ? value : JSON.stringify(value));
 
 function allowedText({ allowed, unit }) {
-  if (Array.isArray(allowed)) return allowed.map(shown).join(", ");
-  if (allowed && typeof allowed === "object")
-    return Object.entries(allowed).map(([name, value]) => `${name} ${shown(value)}`).join(", ") + (unit ? ` ${unit}` : "");
-  return shown(allowed) + (unit ? ` ${unit}` : "");
+  const list = Array.isArray(allowed) ? allowed.map(shown)
+    : allowed && typeof allowed === "object" ? Object.entries(allowed).map(([name, value]) => `${name} ${shown(value)}`) : [shown(allowed)];
+  return list.join(", ") + (unit ? ` ${unit}` : "");
+}
+
+// A list too long to read at once is folded.
+function allowedNode(problem) {
+  const text = allowedText(problem);
+  return text.length < 300 ? text : element("details", {}, element("summary", {}, `${problem.allowed.length ?? "many"} values`), text);
 }
 
 function problemItem(problem) {
@@ -17,7 +22,7 @@ function problemItem(problem) {
   const rows = [];
   if (problem.given !== undefined && problem.given !== null)
     rows.push(["given", shown(problem.given) + (problem.unit ? ` ${problem.unit}` : "")]);
-  if (problem.allowed !== undefined && problem.allowed !== null) rows.push(["allowed", allowedText(problem)]);
+  if (problem.allowed !== undefined && problem.allowed !== null) rows.push(["allowed", allowedNode(problem)]);
   if (problem.hint) rows.push(["hint", problem.hint]);
   if (rows.length)
     item.append(element("dl", { class: "facts" },
@@ -25,11 +30,11 @@ function problemItem(problem) {
   return item;
 }
 
-// The inputs that the problems point to are marked; a problem inside the protocol marks the protocol.
-function mark(problems) {
+// The inputs that the problems point to are marked.
+function mark(problems, label) {
   for (const input of document.querySelectorAll("[data-path], [data-set]")) {
     const path = input.dataset.path ?? `/set/${input.dataset.set}`;
-    const wrong = problems.some((p) => p.path === path || p.path?.startsWith(path + "/"));
+    const wrong = problems.some((p) => p.path === path) || (label === "bad_protocol" && path === "/protocol");
     if (wrong) input.setAttribute("aria-invalid", "true");
     else input.removeAttribute("aria-invalid");
   }
@@ -39,7 +44,7 @@ function mark(problems) {
 export function showError(what, error) {
   if (!error.problems) console.warn(error);
   const problems = error.problems ?? [];
-  mark(problems);
+  mark(problems, error.label);
   byId("errors").replaceChildren(
     element("div", { class: "error" },
       element("p", {}, element("strong", {}, what), " ", error.message, error.label ? ` (${error.label})` : ""),

@@ -28,10 +28,12 @@ export class Experiment {
   }
 
   async load() {
-    const [{ protocols }, { models }] = await Promise.all([this.rpc.call("protocol.list"), this.rpc.call("model.list")]);
+    const [{ protocols }, { models, default: usual }] = await Promise.all([this.rpc.call("protocol.list"), this.rpc.call("model.list")]);
     const chosen = byId("protocol").value;
+    const model = byId("model").value;
     byId("protocol").replaceChildren(...protocols.map((p) => element("option", { value: p.name }, p.title || p.name)));
     byId("model").replaceChildren(...models.map((m) => element("option", { value: m.name }, m.title || m.name)));
+    byId("model").value = model || usual;
     if (chosen === own) return this.#addOwn();
     if (protocols.some((p) => p.name === chosen)) byId("protocol").value = chosen;
     if (!this.protocol || chosen !== this.protocol.name) await this.#choose(byId("protocol").value);
@@ -116,7 +118,8 @@ export class Experiment {
       this.plot.set(p.time, p.min, p.max);
       facts(byId("preview-facts"), [["Takes", duration(p.duration_s)], ["Samples", `${count(p.samples)} at ${quantity(p.sample_rate_Hz, "Hz")}`],
         ["Field", `from ${quantity(p.field_min, "V/m")} to ${quantity(p.field_max, "V/m")}`], ["Steepest", quantity(p.max_slew, "V/m/s")]]);
-      clearErrors();
+      if (p.problems?.length) showError("The guard would refuse this program:", { message: "it passes the limits in force.", problems: p.problems });
+      else clearErrors();
     } catch (error) {
       byId("preview").hidden = true;
       showError("This program cannot be run as it stands.", error);

@@ -8,21 +8,21 @@ const parts = ["first", "min", "max"];
 
 // Two neighbours become one: lowest and highest of both, first of the first.
 const joined = (values, pick) => values.filter((_, i) => i % 2 === 0).map((v, i) => pick(v, values[2 * i + 1] ?? v));
-const joins = { first: (a) => a, min: (a, b) => Math.min(a, b), max: (a, b) => Math.max(a, b) };
+const either = (pick) => (a, b) => (a === null || b === null ? a ?? b : pick(a, b)); // null: nothing was measured
+const joins = { first: (a) => a, min: either(Math.min), max: either(Math.max) };
 
 export class Live {
   #plots = new PlotSet(byId("live-plots"));
   #columns = { time: [] };
   #drawn = true;
 
-  begin(status) {
-    this.run = status.run;
-    this.#columns = { time: [] };
-    byId("live-note").textContent = `Run of ${status.title || status.protocol || "a protocol"}.`;
+  describe({ title, protocol, state }, busy) {
+    byId("live-note").textContent = `${busy ? "" : "The last run: "}${title || protocol || "A program"}${busy ? "." : `, ${state}.`}`;
   }
 
   add({ run, columns }) {
-    if (run !== this.run) return;
+    if (run !== this.run) this.#columns = { time: [] };
+    this.run = run;
     this.#columns.time.push(...columns.time);
     for (const name of channels) {
       if (!columns[name]) continue;
@@ -31,10 +31,6 @@ export class Live {
     }
     if (this.#columns.time.length > most) this.#thin();
     this.#draw();
-  }
-
-  end(status) {
-    byId("live-note").textContent = `The last run: ${status.title || status.protocol || "a protocol"}, ${status.state}.`;
   }
 
   #thin() {

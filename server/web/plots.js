@@ -71,8 +71,9 @@ class Chart {
     this.reading = element("span", { class: "reading" });
     this.frame = element("div", { class: "frame", role: "img" });
     this.title = title;
-    parent.append(element("figure", { class: loop ? "loop" : "series" },
-      element("figcaption", {}, element("strong", {}, title), " ", this.reading), this.frame));
+    this.figure = element("figure", { class: loop ? "loop" : "series" },
+      element("figcaption", {}, element("strong", {}, title), " ", this.reading), this.frame);
+    parent.append(this.figure);
     if (!uPlot) return;
     const stroke = () => colour("--line");
     const line = { stroke, width: 1.5, points: { show: false } };
@@ -138,6 +139,7 @@ export class PlotSet {
 
   set(columns) {
     const present = channels.filter(([name]) => columns[name]);
+    for (const chart of this.charts.values()) chart.figure.hidden = true;
     for (const [name, title, unit] of present)
       this.#chart(name, { title, unit, x: "time", xUnit: "s", sync: this.sync })
         .set(columns.time, columns[name].min, columns[name].max);
@@ -149,6 +151,8 @@ export class PlotSet {
 
   #chart(name, options) {
     if (!this.charts.has(name)) this.charts.set(name, new Chart(this.parent, options));
-    return this.charts.get(name);
+    const chart = this.charts.get(name);
+    chart.figure.hidden = false;
+    return chart;
   }
 }

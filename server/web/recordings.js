@@ -8,25 +8,29 @@ const fileAddress = (name) => `/recordings/${encodeURIComponent(name)}`;
 // "loop_area_um_kV_per_mm" -> "loop area [µm kV/mm]": in a report the unit ends the name.
 const unitWords = new Set(["A", "C", "decade", "Hz", "J", "kV", "m", "m2", "m3", "mm", "MPa", "N", "Pa", "per", "percent", "s", "uC", "um", "V"]);
 const shownAs = { percent: "%", um: "µm", uC: "µC", m2: "m²", m3: "m³" };
-function heading(key) {
+function named(key) {
   const words = key.split("_");
   let at = words.length;
   while (at > 1 && unitWords.has(words[at - 1])) --at;
   const [above, ...below] = words.slice(at).map((w) => shownAs[w] ?? w).join(" ").split(" per ");
-  const unit = [above, ...below.map((w) => w.replaceAll(" ", "/"))].join("/");
-  return words.slice(0, at).join(" ") + (unit && ` [${unit}]`);
+  return { key, name: words.slice(0, at).join(" "), unit: [above, ...below.map((w) => w.replaceAll(" ", "/"))].join("/") };
 }
 
+// JSON has no order of keys: what has no unit tells the rows apart and comes first.
+const columnsOf = (rows) =>
+  [...new Set(rows.flatMap(Object.keys))].map(named).sort((a, b) => (a.unit !== "") - (b.unit !== ""));
+
 function reportTable({ title, rows = [], notes = [] }) {
-  const keys = [...new Set(rows.flatMap(Object.keys))];
-  const isNumber = (key) => rows.every((row) => row[key] === null || row[key] === undefined || typeof row[key] === "number");
-  const kind = (key) => (isNumber(key) ? { class: "number" } : {});
+  const columns = columnsOf(rows);
+  const kind = ({ key }) => ({ class: rows.some((row) => typeof row[key] === "string") ? "" : "number" });
+  const cell = (value) => (typeof value === "number" ? number(value) : value ?? "");
   return element("div", {},
     element("h3", {}, title),
     element("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": title }, element("table", {},
-      element("thead", {}, element("tr", {}, ...keys.map((key) => element("th", { scope: "col", ...kind(key) }, heading(key))))),
-      element("tbody", {}, ...rows.map((row) => element("tr", {}, ...keys.map((key) =>
-        element("td", kind(key), typeof row[key] === "number" ? number(row[key]) : row[key] ?? ""))))))),
+      element("thead", {}, element("tr", {}, ...columns.map((c) =>
+        element("th", { scope: "col", ...kind(c) }, c.unit ? `${c.name} [${c.unit}]` : c.name)))),
+      element("tbody", {}, ...rows.map((row) =>
+        element("tr", {}, ...columns.map((c) => element("td", kind(c), cell(row[c.key])))))))),
     ...notes.map((note) => element("p", { class: "note" }, note)));
 }
 
@@ -51,7 +55,7 @@ export class Recordings {
     const about = r.title || r.name;
     return element("li", { "data-name": r.name },
       element("div", { class: "about" }, element("strong", {}, about),
-        element("p", { class: "note" }, `${moment(r.start_time)}, ${duration(r.duration_s)}, ${count(r.rows)} samples, `,
+        element("p", { class: "note" }, r.rows ? `${moment(r.start_time)}, ${duration(r.duration_s)}, ${count(r.rows)} samples, ` : "",
           element("span", { class: r.status === "complete" ? "" : "wrong" }, r.reason ? `${r.status}: ${r.reason}` : r.status))),
       element("button", { type: "button", "aria-label": `Report of ${about}, ${moment(r.start_time)}`, onclick: () => this.show(r.name) }, "Report"),
       element("a", { href: fileAddress(r.name), download: `${r.name}.h5`, "aria-label": `Download ${r.name}` }, "Download"));

@@ -35,7 +35,7 @@ export class RunPanel {
   async #ask(method, failure) {
     try {
       clearErrors();
-      this.show(await this.rpc.call(method));
+      await this.rpc.call(method); // what it changes comes as a notification
     } catch (error) {
       showError(failure, error);
     }
@@ -48,6 +48,11 @@ export class RunPanel {
     byId("progress").hidden = true;
     this.showOutput(null);
     this.status = null;
+  }
+
+  // The answer to run.start may come after the first notifications of that run, and is then out of date.
+  begin(status) {
+    if (this.status?.run !== status.run) this.show(status);
   }
 
   show(status) {
@@ -74,7 +79,7 @@ export class RunPanel {
 
   // V/m, or null where it is not known
   showOutput(level) {
-    byId("output").textContent = level === null ? "unknown" : quantity(level, "V/m");
+    byId("output").textContent = level === null || level === undefined ? "unknown" : quantity(level, "V/m");
   }
 
   #progress({ progress, time_left_s: remaining }) {
