@@ -138,7 +138,8 @@ void run_with_accident(Maker& make, FaultyDevice& device, const Limits& limits,
   for (; guard.read(block); ++reads) {
     demand(block.command.size() == block.rows, "a command for each row");
     demand(reads < 5000, "the run ends");
-    if (reads == 3 && guard.progress().state == Progress::State::paused) guard.resume();
+    // After a pause of a few reads at least, wherever the next hold was.
+    if (reads % 16 == 15 && guard.progress().state == Progress::State::paused) guard.resume();
     if (reads != when) continue;
     if (accident == 0) guard.stop("aborted");
     if (accident == 1) closed = false;
@@ -152,7 +153,6 @@ void run_with_accident(Maker& make, FaultyDevice& device, const Limits& limits,
       }
     }
     if (accident == 6) closed = false, guard.stop("both"), device.fault = Fault::throws;
-    if (reads > 20 && guard.progress().state == Progress::State::paused) guard.resume();
   }
   const auto outcome = guard.outcome();
   demand(outcome.end != End::none, "the run has an outcome");
