@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "protocols/common/error.h"
-#include "recordings/hdf5_heaps.h"
 
 namespace ferrobench::recordings::hdf5 {
 namespace {
@@ -201,12 +200,38 @@ std::optional<std::int64_t> Input::integer(const std::string& place) const {
   return static_cast<std::int64_t>(value);
 }
 
-// Texts of variable length lie in heaps without checksums, and the library walks a damaged one without end.
-// So each is walked here first. Our own files have no text of this kind that is read.
-void Input::check_text_heaps() const {
-  if (std::exchange(text_heaps_checked_, true)) return;
-  if (const auto place = damaged_heap(path_))
-    fail("", "is damaged: its text heap at byte " + std::to_string(*place) + " does not hold together");
+const Texts& Input::variable_texts(const std::string& place) const {
+  if (texts_) return *texts_;
+  const auto how = properties(H5Fget_create_plist(file_.get()));
+  hsize_t user_block = 0;
+  std::size_t address_bytes = 0, size_bytes = 0;
+  if (H5Pget_userblock(how.get(), &user_block) < 0 ||
+      H5Pget_sizes(how.get(), &address_bytes, &size_bytes) < 0 || user_block != 0 || address_bytes != 8 ||
+      size_bytes != 8)
+    fail(place, "is text of variable length in a file of an unusual kind",
+         "write it as text of fixed length");
+  texts_ = std::make_unique<Texts>(path_);
+  return *texts_;
+}
+
+std::vector<std::string> Input::read_variable(const Handle& set, std::size_t count,
+                                              const std::string& place) const {
+  const auto& known = variable_texts(place);
+  std::vector<std::string> out;
+  if (count == 0) return out;
+  const auto offset = H5Dget_offset(set.get());
+  if (offset == HADDR_UNDEF)
+    fail(place, "is text of variable length in a chunked dataset",
+         "write it as text of fixed length, or unchunked");
+  double bytes = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto text = known.at(offset + 16 * i);
+    if (!text) fail(place, "is damaged: text " + std::to_string(i) + " leads nowhere");
+    bytes += static_cast<double>(text->size());
+    if (bytes > most_text_bytes) fail(place, "is too long");
+    out.push_back(utf8(text->substr(0, text->find('\0'))));
+  }
+  return out;
 }
 
 std::vector<std::string> Input::read_texts(const Handle& type, const Handle& extent, const Reader& read,
@@ -219,7 +244,7 @@ std::vector<std::string> Input::read_texts(const Handle& type, const Handle& ext
   std::vector<std::string> out(static_cast<std::size_t>(count));
   auto memory = hdf5::type(H5Tcopy(type.get()));  // character set and padding as they are
   if (variable) {
-    check_text_heaps();
+    if (!variable_texts(place).sound_after(place.substr(place.rfind('@') + 1))) fail(place, "is damaged");
     std::vector<char*> texts(out.size(), nullptr);
     const bool done = out.empty() || read(memory.get(), static_cast<void*>(texts.data())) >= 0;
     for (std::size_t i = 0; done && i < out.size(); ++i)
@@ -246,6 +271,8 @@ std::vector<std::string> Input::texts(const std::string& place) const {
   const auto kind = type(H5Dget_type(set.get()));
   const auto extent = space(H5Dget_space(set.get()));
   check_storage(set, place, elements(extent) * static_cast<double>(H5Tget_size(kind.get())));
+  if (H5Tis_variable_str(kind.get()) > 0)
+    return read_variable(set, static_cast<std::size_t>(elements(extent)), place);
   return read_texts(
       kind, extent,
       [&](hid_t memory, void* data) {

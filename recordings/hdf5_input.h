@@ -5,12 +5,14 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "recordings/hdf5.h"
+#include "recordings/hdf5_texts.h"
 
 namespace ferrobench::recordings::hdf5 {
 
@@ -54,15 +56,16 @@ class Input {
   void check_storage(const Handle& set, const std::string& place, double bytes) const;
   void read_rows(const Handle& set, const std::string& place, hid_t type, std::size_t item, Size size,
                  void* data) const;
+  const Texts& variable_texts(const std::string& place) const;
+  std::vector<std::string> read_variable(const Handle& set, std::size_t count,
+                                         const std::string& place) const;
   using Reader = std::function<herr_t(hid_t type, void* data)>;
   std::vector<std::string> read_texts(const Handle& type, const Handle& space, const Reader& read,
                                       const std::string& place) const;
 
-  void check_text_heaps() const;
-
   std::string path_;
   Handle file_;
-  mutable bool text_heaps_checked_ = false;
+  mutable std::unique_ptr<Texts> texts_;  // made when a text of variable length is first wanted
 };
 
 }  // namespace ferrobench::recordings::hdf5
