@@ -10,8 +10,8 @@ namespace ferrobench::protocols {
 namespace {
 
 // The label given, or one made up. A label of a segment with several rows stands before each of them instead.
-std::string own(const Node& node, std::string made_up) {
-  return node.label.empty() ? std::move(made_up) : node.label;
+std::string own(const Node& node, const std::string& made_up) {
+  return node.label.empty() ? made_up : node.label;
 }
 std::string before(const Node& node, const std::string& prefix) {
   return node.label.empty() ? prefix : prefix + node.label + ": ";

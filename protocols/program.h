@@ -68,6 +68,6 @@ struct Program {
 };
 
 // Adds every problem; the program is fit for use only if there is none.
-Program read_program(const nlohmann::json& json, std::vector<Problem>& problems);
+Program read_program(const nlohmann::json& given, std::vector<Problem>& problems);
 
 }  // namespace ferrobench::protocols

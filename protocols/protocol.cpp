@@ -123,6 +123,7 @@ Protocol Protocol::with(const ExpandOptions& options) const {
   auto changed = json_;
   const auto known = parameters();
   std::vector<std::string> names;
+  names.reserve(known.size());
   for (const auto& [name, value] : known) names.push_back(name);
   std::vector<Problem> problems;
   for (const auto& [name, value] : options.parameters) {

@@ -40,7 +40,7 @@ struct ExpandOptions {
 class Protocol {
  public:
   // Throws Error(bad_protocol) with every problem and its JSON pointer.
-  static Protocol from_json(const nlohmann::json& json);
+  static Protocol from_json(const nlohmann::json& given);
   static Protocol from_text(std::string_view text);
   static Protocol from_file(const std::string& path);  // Error(not_found) or Error(bad_protocol)
   // A field program from a CSV file of time in s and level; starts at the first level.
@@ -67,7 +67,7 @@ class Protocol {
 };
 
 // Every problem of the JSON, none if it is valid.
-std::vector<Problem> validate(const nlohmann::json& json);
+std::vector<Problem> validate(const nlohmann::json& given);
 // The published JSON Schema (draft 2020-12) of a protocol file.
 nlohmann::json protocol_schema();
 

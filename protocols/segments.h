@@ -210,7 +210,7 @@ inline constexpr std::size_t max_pieces = 1'000'000;
 inline constexpr double max_duration = 1e7;  // s
 
 // Reads an array of segments, parameters already replaced; adds every problem.
-std::vector<Node> read_segments(const nlohmann::json& json, const std::string& path, int depth,
+std::vector<Node> read_segments(const nlohmann::json& list, const std::string& path, int depth,
                                 std::vector<Problem>& problems);
 
 }  // namespace ferrobench::protocols
