@@ -7,7 +7,8 @@
 
 namespace ferrobench::recordings {
 
-// A heading line "time_s,command_V_per_m,...", then one line per sample, numbers in full; a gap is an empty cell.
+// A heading line "time_s,command_V_per_m,...", then one line per sample, numbers in full; a gap is an empty
+// cell.
 void export_csv(const Recording& recording, std::ostream& out);
 
 // {title, status, specimen, load, segments, events, columns: {time_s: [...], ...}}; a gap is null.

@@ -28,9 +28,14 @@ double elements(const Handle& space) {
   return count < 0 ? std::numeric_limits<double>::infinity() : static_cast<double>(count);
 }
 
+// One of the usual kinds. The library converts any layout of bits that a file describes, and believes what it
+// says.
 bool is_number(const Handle& type) {
-  const auto kind = H5Tget_class(type.get());
-  return (kind == H5T_INTEGER || kind == H5T_FLOAT) && H5Tget_size(type.get()) <= 16;
+  const std::array usual{H5T_IEEE_F64LE, H5T_IEEE_F32LE, H5T_STD_I64LE, H5T_STD_I32LE, H5T_STD_I16LE,
+                         H5T_STD_I8LE,   H5T_STD_U64LE,  H5T_STD_U32LE, H5T_STD_U16LE, H5T_STD_U8LE,
+                         H5T_IEEE_F64BE, H5T_IEEE_F32BE, H5T_STD_I64BE, H5T_STD_I32BE, H5T_STD_I16BE,
+                         H5T_STD_I8BE,   H5T_STD_U64BE,  H5T_STD_U32BE, H5T_STD_U16BE, H5T_STD_U8BE};
+  return std::ranges::any_of(usual, [&](hid_t kind) { return H5Tequal(type.get(), kind) > 0; });
 }
 
 }  // namespace
@@ -192,7 +197,8 @@ std::optional<std::int64_t> Input::integer(const std::string& place) const {
   const auto set = open(place);
   const auto kind = type(H5Dget_type(set.get()));
   std::int64_t whole = 0;
-  if (H5Tget_class(kind.get()) == H5T_INTEGER && elements(space(H5Dget_space(set.get()))) == 1 &&
+  if (is_number(kind) && H5Tget_class(kind.get()) == H5T_INTEGER &&
+      elements(space(H5Dget_space(set.get()))) == 1 &&
       H5Dread(set.get(), H5T_NATIVE_INT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, &whole) >= 0)
     return whole;
   const double value = *number(place);
