@@ -15,7 +15,7 @@ namespace {
 
 // The step controller looks at how far the fractions' means are from the trapezoidal rule over their own
 // rates. That is about this many times the error that the step leaves behind; held to by tests.
-constexpr double error_per_defect = 0.05;
+constexpr double error_per_defect = 0.2;
 
 double cubic(double y0, double y1, double d0, double d1, double h, double u) {
   const double v = 1 - u;
@@ -105,8 +105,8 @@ struct Simulator::State {
     monitor = field;
     for (auto& stage : ports.drive) stage->start(field);
     material = {};
-    material.field = field;
     means = {};
+    fill(material, means, 0, field);
     dissipation = conducted = plus_curvature = minus_curvature = 0;
     next_step = 0;
     statistics = {};
@@ -299,7 +299,6 @@ struct Simulator::State {
   void play_piece(const FieldPiece& piece, std::span<const double> times, const ChannelSpans& out) {
     const double start_time = material.time, piece_end = start_time + piece.duration;
     const double slew = (piece.to - piece.from) / piece.duration;
-    const double most = mechanics->largest_step();
     const double path = path_rate(slew);
     double step = next_step > 0 ? next_step : constants.relaxation_time;
     if (path > 0) step = std::min(step, 20 / path);
@@ -309,7 +308,7 @@ struct Simulator::State {
     int rejections = 0;
     while (done < piece.duration) {
       const double remaining = piece.duration - done;
-      double h = std::min(step, most);
+      double h = std::min(step, mechanics->largest_step(slew));
       const bool last = h > 0.8 * remaining;
       if (last && h < remaining) h = h > remaining / 1.2 ? remaining : remaining / 2;
       if (h >= remaining) h = remaining;

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "model/effects/blocks.h"
 #include "model/effects/catalogue.h"
 
 namespace ferrobench::model::effects {
@@ -12,9 +13,8 @@ Effect effect_barrier_distribution() {
           .parameters = {{"log_std", "1", 0.02, 1.0}},
           .shows = "all channels; switching drawn out over field and time",
           .install = [](std::span<const double> v, Model& model, Ports&) {
-            auto& p = model.polycrystal;
+            auto& p = domains_of(model, "barrier_distribution");
             p.barrier_log_std = std::hypot(p.barrier_log_std, v[0]);
-            if (p.method == PolycrystalMethod::none) p.method = PolycrystalMethod::distribution;
           }};
 }
 

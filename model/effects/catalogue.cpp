@@ -11,8 +11,9 @@ std::vector<Effect> all();  // generated: calls effect_<id>() of every file in t
 }
 
 std::string_view family_name(Family family) {
-  constexpr std::array<std::string_view, 8> names{"kinetics",      "strain",              "polarization", "equilibrium", "drive",
-                                                  "charge sensor", "displacement sensor", "force sensor"};
+  constexpr std::array<std::string_view, 8> names{
+      "kinetics", "strain",        "polarization",        "equilibrium",
+      "drive",    "charge sensor", "displacement sensor", "force sensor"};
   return names.at(static_cast<std::size_t>(family));
 }
 
@@ -46,7 +47,9 @@ void check_parameters(const Effect& effect, const EffectSetting& setting, const 
   for (const auto& p : effect.parameters) names.emplace_back(p.name);
   for (const auto& [name, value] : setting.parameters) {
     if (std::find(names.begin(), names.end(), name) == names.end())
-      problems.push_back({.path = path + "/parameters/" + name, .message = "is not a parameter of " + setting.id, .allowed = names});
+      problems.push_back({.path = path + "/parameters/" + name,
+                          .message = "is not a parameter of " + setting.id,
+                          .allowed = names});
     else if (!std::isfinite(value))
       problems.push_back({.path = path + "/parameters/" + name, .message = "must be finite"});
   }
@@ -54,15 +57,12 @@ void check_parameters(const Effect& effect, const EffectSetting& setting, const 
     const auto found = std::find_if(setting.parameters.begin(), setting.parameters.end(),
                                     [&](const auto& given) { return given.first == p.name; });
     if (found == setting.parameters.end()) {
-      problems.push_back({.path = path + "/parameters/" + std::string(p.name), .message = "is missing", .unit = std::string(p.unit)});
-    } else if (!p.any_sign && found->second < 0) {
       problems.push_back({.path = path + "/parameters/" + std::string(p.name),
-                          .message = "must not be negative",
-                          .given = found->second,
+                          .message = "is missing",
                           .unit = std::string(p.unit)});
-    } else if (p.low > 0 && found->second == 0 && !p.any_sign && effect.parameters.size() > 1 && p.unit == "s") {
+    } else if (p.above_zero ? found->second <= 0 : !p.any_sign && found->second < 0) {
       problems.push_back({.path = path + "/parameters/" + std::string(p.name),
-                          .message = "must be above zero",
+                          .message = p.above_zero ? "must be above zero" : "must not be negative",
                           .given = found->second,
                           .unit = std::string(p.unit)});
     }
@@ -93,7 +93,8 @@ std::vector<Problem> check_effects(const std::vector<EffectSetting>& settings, c
 }
 
 void install_effects(Model& model, Ports& ports) {
-  const auto settings = model.effects;
+  auto settings = model.effects;
+  std::sort(settings.begin(), settings.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
   for (const auto& setting : settings) {
     const auto& effect = find_effect(setting.id);
     std::vector<double> values;
@@ -101,7 +102,8 @@ void install_effects(Model& model, Ports& ports) {
       for (const auto& [name, value] : setting.parameters)
         if (name == parameter.name) values.push_back(value);
     if (values.size() != effect.parameters.size())
-      throw Error(ErrorCode::bad_model, "the effect's parameters are incomplete", check_effects(settings, "/effects"));
+      throw Error(ErrorCode::bad_model, "the effect's parameters are incomplete",
+                  check_effects(settings, "/effects"));
     effect.install(values, model, ports);
   }
   std::stable_sort(ports.displacement.begin(), ports.displacement.end(),

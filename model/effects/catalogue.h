@@ -1,7 +1,7 @@
 // The catalogue of effects: terms that the base model lacks. One file each; the build collects them.
 //
-// A file model/effects/<id>.cpp defines `Effect effect_<id>()` in namespace ferrobench::model::effects. Off means exactly
-// the base model: an effect that is not listed in a model file is never asked anything.
+// A file model/effects/<id>.cpp defines `Effect effect_<id>()` in namespace ferrobench::model::effects. Off
+// means exactly the base model: an effect that is not listed in a model file is never asked anything.
 #pragma once
 
 #include <functional>
@@ -28,11 +28,22 @@ enum class Family {
 };
 std::string_view family_name(Family family);
 
+enum class Sign { not_negative, above_zero, any };
+
 struct EffectParameter {
+  EffectParameter(std::string_view its_name, std::string_view its_unit, double from, double to,
+                  Sign sign = Sign::not_negative)
+      : name(its_name),
+        unit(its_unit),
+        low(from),
+        high(to),
+        any_sign(sign == Sign::any),
+        above_zero(sign == Sign::above_zero) {}
   std::string_view name;
   std::string_view unit;
   double low = 0, high = 0;  // plausible range
   bool any_sign = false;     // the range holds for the magnitude
+  bool above_zero = false;   // zero has no meaning
 };
 
 struct Effect {
@@ -41,8 +52,8 @@ struct Effect {
   Family family = Family::kinetics;
   std::vector<EffectParameter> parameters;
   std::string_view shows;  // channels and segments in which it is seen
-  // Plugs the effect in; values in the order of `parameters`. `model` may be changed where the effect is a base
-  // parameter that was absent.
+  // Plugs the effect in; values in the order of `parameters`. `model` may be changed where the effect is a
+  // base parameter that was absent.
   std::function<void(std::span<const double> values, Model& model, Ports& ports)> install;
 };
 
@@ -51,9 +62,10 @@ std::span<const Effect> effect_catalogue();
 // Error(bad_model) with the nearest id.
 const Effect& find_effect(std::string_view id);
 
-// What is wrong with the settings of a model file: unknown ids, missing, unknown or impossible parameters, an id twice.
+// What is wrong with the settings of a model file: unknown ids, missing, unknown or impossible parameters, an
+// id twice.
 std::vector<Problem> check_effects(const std::vector<EffectSetting>& settings, const std::string& path);
-// Plugs all of them in.
+// Plugs all of them in, by id: the order in which a model file lists them does not matter.
 void install_effects(Model& model, Ports& ports);
 
 }  // namespace ferrobench::model

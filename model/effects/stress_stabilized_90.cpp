@@ -1,3 +1,4 @@
+#include "model/effects/blocks.h"
 #include "model/effects/catalogue.h"
 
 namespace ferrobench::model::effects {
@@ -8,7 +9,10 @@ Effect effect_stress_stabilized_90() {
           .family = Family::kinetics,
           .parameters = {{"coefficient", "1/Pa", 1e-9, 2e-7}},
           .shows = "all channels; creep after switching and return from 90, more with more prestress",
-          .install = [](std::span<const double> v, Model&, Ports& ports) { ports.stress_stabilization += v[0]; }};
+          .install = [](std::span<const double> v, Model& model, Ports& ports) {
+            refuse_parametrized(model, "stress_stabilized_90");
+            ports.stress_stabilization += v[0];
+          }};
 }
 
 }  // namespace ferrobench::model::effects

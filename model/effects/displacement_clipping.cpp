@@ -1,0 +1,22 @@
+#include <algorithm>
+
+#include "model/effects/blocks.h"
+#include "model/effects/catalogue.h"
+
+namespace ferrobench::model::effects {
+
+Effect effect_displacement_clipping() {
+  return {.id = "displacement_clipping",
+          .equation = "xm = clamp(x, -limit, limit)",
+          .family = Family::displacement_sensor,
+          .parameters = {{"limit", "m", 1e-7, 1e-4}},
+          .shows = "displacement is flat at its ends; not in the force",
+          .install = [](std::span<const double> v, Model&, Ports& ports) {
+            ports.displacement.push_back(
+                {SensorOrder::clipping, memoryless([limit = v[0]](const SensorInput& in) {
+                   return std::clamp(in.value, -limit, limit);
+                 })});
+          }};
+}
+
+}  // namespace ferrobench::model::effects

@@ -1,0 +1,47 @@
+#include <deque>
+
+#include "model/effects/catalogue.h"
+
+namespace ferrobench::model::effects {
+namespace {
+
+// Keeps the inputs of the last `delay` seconds, linear in between. Inputs much closer together than the delay
+// are thinned, which bounds the memory.
+class Delay final : public SensorStage {
+ public:
+  explicit Delay(double delay) : delay_(delay), spacing_(delay / 16384) {}
+  void start(const SensorInput& in) override { history_.assign(1, in); }
+  double update(const SensorInput& in) override {
+    if (history_.size() > 1 && in.time - history_[history_.size() - 2].time < spacing_)
+      history_.back() = in;
+    else if (in.time > history_.back().time)
+      history_.push_back(in);
+    else
+      history_.back() = in;
+    const double then = in.time - delay_;
+    while (history_.size() > 1 && history_[1].time <= then) history_.pop_front();
+    const auto& a = history_.front();
+    if (history_.size() == 1 || then <= a.time) return a.value;
+    const auto& b = history_[1];
+    return a.value + (b.value - a.value) * (then - a.time) / (b.time - a.time);
+  }
+
+ private:
+  double delay_, spacing_;
+  std::deque<SensorInput> history_;
+};
+
+}  // namespace
+
+Effect effect_displacement_delay() {
+  return {.id = "displacement_delay",
+          .equation = "xm(t) = x(t - delay)",
+          .family = Family::displacement_sensor,
+          .parameters = {{"delay", "s", 1e-5, 0.5}},
+          .shows = "displacement on fast ramps: loops open the same at each field; not in the force",
+          .install = [](std::span<const double> v, Model&, Ports& ports) {
+            ports.displacement.push_back({SensorOrder::delay, std::make_unique<Delay>(v[0])});
+          }};
+}
+
+}  // namespace ferrobench::model::effects

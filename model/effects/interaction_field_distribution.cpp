@@ -1,0 +1,21 @@
+#include <cmath>
+
+#include "model/effects/blocks.h"
+#include "model/effects/catalogue.h"
+
+namespace ferrobench::model::effects {
+
+// Two independent normal spreads make one: their variances add.
+Effect effect_interaction_field_distribution() {
+  return {.id = "interaction_field_distribution",
+          .equation = "E_int ~ N(0, std^2) over domains",
+          .family = Family::kinetics,
+          .parameters = {{"std", "V/m", 5e3, 1e6}},
+          .shows = "all channels; switching drawn out over field, the same at each rate",
+          .install = [](std::span<const double> v, Model& model, Ports&) {
+            auto& p = domains_of(model, "interaction_field_distribution");
+            p.interaction_field_std = std::hypot(p.interaction_field_std, v[0]);
+          }};
+}
+
+}  // namespace ferrobench::model::effects

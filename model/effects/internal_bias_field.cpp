@@ -1,0 +1,17 @@
+#include "model/effects/blocks.h"
+#include "model/effects/catalogue.h"
+
+namespace ferrobench::model::effects {
+
+Effect effect_internal_bias_field() {
+  return {.id = "internal_bias_field",
+          .equation = "E_int = field in every domain (imprint)",
+          .family = Family::kinetics,
+          .parameters = {{"field", "V/m", 5e3, 1e6, Sign::any}},
+          .shows = "all channels; loops shifted along the field",
+          .install = [](std::span<const double> v, Model& model, Ports&) {
+            domains_of(model, "internal_bias_field").bias_field += v[0];
+          }};
+}
+
+}  // namespace ferrobench::model::effects
