@@ -1,0 +1,147 @@
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+
+#include "model/model.h"
+#include "protocols/protocol.h"
+#include "server/cli/link.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::cli {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+std::string Common::data_folder() const {
+  return data.empty() ? server::default_data_folder().string() : data;
+}
+
+std::string Common::socket_path() const {
+  return socket.empty() ? (fs::path(data_folder()) / "daemon.sock").string() : socket;
+}
+
+Link::Link(const Common& common) : client_(server::Client::try_connect(common.socket_path())) {
+  if (client_) return;
+  engine_ = std::make_unique<server::Engine>(common.data_folder(), hub_);
+  add_all_methods(rpc_, *engine_);
+}
+
+json Link::call(const std::string& method, const json& params) {
+  return client_ ? client_->call(method, params) : rpc_.call(method, params, context_);
+}
+
+namespace {
+
+bool looks_like_file(const std::string& given) {
+  std::error_code failure;
+  return given.find('/') != std::string::npos || given.ends_with(".json") || given.ends_with(".csv") ||
+         fs::is_regular_file(given, failure);
+}
+
+std::atomic<int> interrupts{0};
+void (*before_int)(int) = SIG_DFL;
+void (*before_term)(int) = SIG_DFL;
+
+}  // namespace
+
+json protocol_argument(const std::string& given) {
+  if (!looks_like_file(given)) return given;
+  if (!given.ends_with(".csv")) return protocols::Protocol::from_file(given).json();
+  auto protocol = protocols::Protocol::from_csv_file(given).json();
+  const auto stem = fs::path(given).stem().string();
+  protocol["name"] = stem;
+  protocol["title"] = "Points from " + fs::path(given).filename().string();
+  return protocol;
+}
+
+json model_argument(const std::string& given) {
+  if (given.empty()) return nullptr;
+  if (!looks_like_file(given)) return given;
+  return model::to_json(model::model_from_file(given));
+}
+
+json set_argument(const std::vector<std::string>& settings) {
+  json out = json::object();
+  for (const auto& setting : settings) {
+    const auto split = setting.find('=');
+    if (split == 0 || split == std::string::npos)
+      throw Error(ErrorCode::invalid_params, "a setting is KEY=VALUE",
+                  Problem{.path = "/set", .given = setting, .hint = "for example --set prestress_MPa=8"});
+    const auto text = setting.substr(split + 1);
+    auto value = json::parse(text, nullptr, false);
+    out[setting.substr(0, split)] = value.is_discarded() ? json(text) : std::move(value);
+  }
+  return out;
+}
+
+std::string recording_argument(const std::string& given, const Common& common) {
+  std::error_code failure;
+  if (fs::is_regular_file(given, failure)) return given;
+  if (given.find('/') == std::string::npos)
+    return server::Store(common.data_folder()).recording(given).string();
+  throw Error(ErrorCode::not_found, "there is no file \"" + given + "\"",
+              Problem{.path = "/recording", .hint = "'ferrobench list' names the recordings"});
+}
+
+void write_output(const std::string& file, const std::string& text) {
+  if (file.empty()) {
+    std::cout << text << std::flush;
+    return;
+  }
+  std::ofstream out(file, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out)
+    throw Error(ErrorCode::io_error, "the output cannot be written", Problem{.path = "/out", .given = file});
+}
+
+Interrupt::Interrupt() {
+  interrupts = 0;
+  before_int = std::signal(SIGINT, [](int) { ++interrupts; });
+  before_term = std::signal(SIGTERM, [](int) { ++interrupts; });
+}
+
+Interrupt::~Interrupt() {
+  std::signal(SIGINT, before_int);
+  std::signal(SIGTERM, before_term);
+}
+
+int Interrupt::count() {
+  return interrupts;
+}
+
+void ProgressLine::show(const std::string& state, double progress, double seconds_left) {
+  static const bool terminal = isatty(STDERR_FILENO) != 0;
+  const int percent = static_cast<int>(100 * progress);
+  std::string left;
+  if (seconds_left >= 0) {
+    const auto s = static_cast<long>(seconds_left + 0.5);
+    left = s >= 60 ? std::to_string(s / 60) + " min " + std::to_string(s % 60) + " s left"
+                   : std::to_string(s) + " s left";
+  }
+  if (terminal) {
+    constexpr int width = 30;
+    const auto full = static_cast<std::size_t>(width * progress);
+    const std::string bar = std::string(full, '#') + std::string(width - full, '.');
+    std::fprintf(stderr, "\r\033[K[%s] %3d %%  %s  %s", bar.c_str(), percent, state.c_str(), left.c_str());
+    open_ = true;
+    return;
+  }
+  if (percent / 10 == last_tenth_ && state == last_state_) return;
+  last_tenth_ = percent / 10;
+  last_state_ = state;
+  std::fprintf(stderr, "%s: %d %%%s%s\n", state.c_str(), percent, left.empty() ? "" : ", ", left.c_str());
+}
+
+void ProgressLine::finish() {
+  if (open_) std::fprintf(stderr, "\r\033[K");
+  open_ = false;
+}
+
+}  // namespace ferrobench::cli

@@ -1,0 +1,135 @@
+#include <cstdio>
+#include <iostream>
+
+#include "protocols/protocol.h"
+#include "server/cli/link.h"
+
+namespace ferrobench::cli {
+
+using nlohmann::json;
+
+namespace {
+
+struct Options {
+  std::string name{}, model{};
+  std::vector<std::string> set{};
+};
+
+int print(const json& value) {
+  std::cout << value.dump(2) << '\n';
+  return exit_ok;
+}
+
+int list_protocols(const Options&, const Common& common) {
+  for (const auto& p : Link(common).call("protocol.list").at("protocols"))
+    std::printf("%-40s %s (%s)\n", p.at("name").get<std::string>().c_str(),
+                p.at("title").get<std::string>().c_str(), p.at("source").get<std::string>().c_str());
+  return exit_ok;
+}
+
+int list_models(const Options&, const Common& common) {
+  const auto models = Link(common).call("model.list");
+  for (const auto& m : models.at("models"))
+    std::printf("%-24s %s%s\n", m.at("name").get<std::string>().c_str(),
+                m.at("title").get<std::string>().c_str(),
+                m.at("name") == models.at("default") ? " (default)" : "");
+  return exit_ok;
+}
+
+int validate(const Options& o, const Common&) {
+  const auto given = protocol_argument(o.name);
+  server::resolve_protocol(given);
+  std::cout << "valid\n";
+  return exit_ok;
+}
+
+int preview(const Options& o, const Common& common) {
+  json params{{"protocol", protocol_argument(o.name)}, {"set", set_argument(o.set)}, {"max_points", 2}};
+  if (const auto model = model_argument(o.model); !model.is_null()) params["model"] = model;
+  const auto p = Link(common).call("protocol.preview", params);
+  std::printf("%.6g s, %lld samples at %.6g Hz, field %.4g to %.4g kV/mm, steepest %.4g kV/mm/s\n",
+              p.at("duration_s").get<double>(), static_cast<long long>(p.at("samples").get<std::int64_t>()),
+              p.at("sample_rate_Hz").get<double>(), p.at("field_min").get<double>() * 1e-6,
+              p.at("field_max").get<double>() * 1e-6, p.at("max_slew").get<double>() * 1e-6);
+  for (const auto& s : p.at("segments"))
+    std::printf("  %10.3f s  %-5s to %8.4f kV/mm  %s\n", s.at("start_s").get<double>(),
+                s.at("kind").get<std::string>().c_str(), s.at("level").get<double>() * 1e-6,
+                s.at("label").get<std::string>().c_str());
+  for (const auto& problem : p.at("problems")) std::cerr << "past a limit: " << problem.dump() << '\n';
+  return p.at("problems").empty() ? exit_ok : exit_error;
+}
+
+CLI::App* add(CLI::App* parent, const std::string& name, const std::string& help,
+              const std::shared_ptr<Options>& o, Common& common,
+              std::function<int(const Options&, const Common&)> action) {
+  auto* sub = parent->add_subcommand(name, help);
+  sub->callback(
+      [o, &common, action] { common.action = [o, &common, action] { return action(*o, common); }; });
+  return sub;
+}
+
+}  // namespace
+
+void add_protocol(CLI::App& app, Common& common) {
+  auto* sub = app.add_subcommand("protocol", "The shipped experiments, and help with writing one's own");
+  sub->require_subcommand(1);
+  auto o = std::make_shared<Options>();
+  add(sub, "list", "Names, titles and sources", o, common, list_protocols);
+  add(sub, "show", "One as JSON: a start for one's own", o, common,
+      [](const Options& opt, const Common&) {
+        return print(server::resolve_protocol(protocol_argument(opt.name)).json());
+      })
+      ->add_option("PROTOCOL", o->name, "name or file")
+      ->required();
+  add(sub, "schema", "JSON Schema of a protocol file", o, common,
+      [](const Options&, const Common&) { return print(protocols::protocol_schema()); });
+  add(sub, "validate", "Every problem of a protocol file with its path", o, common, validate)
+      ->add_option("FILE", o->name, "the protocol")
+      ->required();
+  auto* show = add(sub, "preview", "What a run would do: length, extremes, segments, limits passed", o,
+                   common, preview);
+  show->add_option("PROTOCOL", o->name, "name or file")->required();
+  show->add_option("--model", o->model, "by name or file");
+  show->add_option("--set", o->set, "as for run; again for more")
+      ->type_name("KEY=VALUE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+void add_model(CLI::App& app, Common& common) {
+  auto* sub = app.add_subcommand("model", "The shipped parameter sets, and those put into the data folder");
+  sub->require_subcommand(1);
+  auto o = std::make_shared<Options>();
+  add(sub, "list", "Names and titles", o, common, list_models);
+  add(sub, "show", "One as JSON: a start for one's own", o, common,
+      [](const Options& opt, const Common& c) {
+        return print(server::resolve_model(model_argument(opt.name), server::Store(c.data_folder())));
+      })
+      ->add_option("MODEL", o->name, "name or file")
+      ->required();
+  add(sub, "schema", "JSON Schema of a model file", o, common,
+      [](const Options&, const Common& c) { return print(Link(c).call("model.schema")); });
+}
+
+void add_call(CLI::App& app, Common& common) {
+  struct Call {
+    std::string method, params = "{}";
+  };
+  auto* sub = app.add_subcommand("call", "One JSON-RPC call to the running daemon; prints the result");
+  auto o = std::make_shared<Call>();
+  sub->add_option("METHOD", o->method, "rpc.discover describes them all")->required();
+  sub->add_option("JSON", o->params, "parameters, by name or position")->capture_default_str();
+  sub->footer(
+      "Examples:\n"
+      "  ferrobench call run.status\n"
+      "  ferrobench call run.start '{\"protocol\": \"full-loops\", \"fast\": true}'");
+  sub->callback([o, &common] {
+    common.action = [o, &common] {
+      auto client = server::Client::connect(common.socket_path());
+      return print(
+          client.call(o->method, parse_json_text(o->params, ErrorCode::invalid_params, "the parameters")));
+    };
+  });
+}
+
+}  // namespace ferrobench::cli

@@ -1,0 +1,32 @@
+// The bench that a subcommand talks to: the daemon if one runs, else an engine in this process. Both take the
+// same methods.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "server/cli/cli.h"
+#include "server/engine/engine.h"
+#include "server/net/client.h"
+#include "server/rpc/dispatcher.h"
+
+namespace ferrobench::cli {
+
+class Link {
+ public:
+  explicit Link(const Common& common);
+  bool is_daemon() const { return client_.has_value(); }
+  // Throws Error, whichever side it comes from.
+  nlohmann::json call(const std::string& method, const nlohmann::json& params = nlohmann::json::object());
+  // Only without a daemon: the engine itself, for what no method can say (a recording's path).
+  server::Engine& engine() { return *engine_; }
+
+ private:
+  std::optional<server::Client> client_;
+  server::Hub hub_;
+  std::unique_ptr<server::Engine> engine_;
+  server::Dispatcher rpc_;
+  server::CallContext context_{.client = "command line", .lease = "", .subscriber = nullptr};
+};
+
+}  // namespace ferrobench::cli

@@ -1,0 +1,76 @@
+#include <cstdio>
+#include <iostream>
+
+#include "protocols/common/error.h"
+#include "recordings/version.h"
+#include "server/cli/cli.h"
+
+namespace ferrobench::cli {
+
+namespace {
+
+void build(CLI::App& app, Common& common) {
+  app.description(
+      "ferrobench: field programs on ferroelectric actuators, from the experiment to the report.\n"
+      "Without a daemon (ferrobench serve) the same engine runs within the command.");
+  app.footer(
+      "Examples:\n"
+      "  ferrobench protocol list\n"
+      "  ferrobench run creep-6-holds-fast --fast --set prestress_MPa=8\n"
+      "  ferrobench report creep-6-holds-fast_20260101T120000Z --format html --out creep.html\n"
+      "  ferrobench table 3.13\n"
+      "  ferrobench serve\n"
+      "Exit codes: 0 done, 1 error, 2 wrong usage, 130 interrupted (after a safe stop).");
+  app.set_version_flag("--version", "ferrobench " + std::string(recordings::software_version()) + " (" +
+                                        std::string(recordings::software_commit()) + ")");
+  app.add_option("--data", common.data, "folder of recordings and models [FERROBENCH_DATA]")
+      ->type_name("DIR");
+  app.add_option("--socket", common.socket,
+                 "Unix socket of the daemon; default: daemon.sock in the data folder")
+      ->type_name("PATH");
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.get_formatter()->column_width(34);
+  add_serve(app, common);
+  add_run(app, common);
+  add_list(app, common);
+  add_report(app, common);
+  add_table(app, common);
+  add_simulate(app, common);
+  add_protocol(app, common);
+  add_model(app, common);
+  add_call(app, common);
+  add_export(app, common);
+}
+
+}  // namespace
+
+int run_program(int argc, const char* const* argv) {
+  CLI::App app;
+  Common common;
+  build(app, common);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? exit_ok : exit_usage;
+  }
+  try {
+    return common.action();
+  } catch (const Error& error) {
+    std::cerr << "ferrobench: " << error.what() << '\n';
+  } catch (const std::exception& error) {
+    std::cerr << "ferrobench: " << error.what() << '\n';
+  }
+  return exit_error;
+}
+
+std::string help_of(const std::vector<std::string>& arguments) {
+  CLI::App app;
+  Common common;
+  build(app, common);
+  CLI::App* at = &app;
+  for (const auto& name : arguments) at = at->get_subcommand(name);
+  return at->help();
+}
+
+}  // namespace ferrobench::cli

@@ -1,0 +1,128 @@
+#include <cstdio>
+#include <iostream>
+#include <sstream>
+
+#include "recordings/file.h"
+#include "recordings/reports/report.h"
+#include "server/cli/link.h"
+#include "server/engine/simulation.h"
+#include "server/engine/text_table.h"
+
+namespace ferrobench::cli {
+
+using nlohmann::json;
+
+namespace {
+
+const std::vector<std::string> formats{"text", "md", "csv", "json", "html"};
+
+struct Options {
+  std::string recording{}, format{}, out{}, model{};
+};
+
+CLI::Option* add_recording(CLI::App* sub, Options& o) {
+  return sub->add_option("RECORDING", o.recording, "a file, or the name of a recording in the data folder")
+      ->required();
+}
+
+int list(const Options& o, const Common& common) {
+  const auto recordings = Link(common).call("recording.list").at("recordings");
+  if (o.format == "json") {
+    std::cout << recordings.dump(2) << '\n';
+    return exit_ok;
+  }
+  if (recordings.empty()) std::cerr << "no recordings yet: ferrobench run PROTOCOL makes one\n";
+  for (const auto& r : recordings)
+    std::printf("%-52s %-10s %9.1f s %9lld rows  %s\n", r.at("name").get<std::string>().c_str(),
+                r.at("status").get<std::string>().c_str(), r.at("duration_s").get<double>(),
+                static_cast<long long>(r.at("rows").get<std::int64_t>()),
+                r.at("title").get<std::string>().c_str());
+  return exit_ok;
+}
+
+int report(const Options& o, const Common& common) {
+  const auto recording = recordings::read_recording(recording_argument(o.recording, common));
+  write_output(o.out,
+               render(recordings::make_report(recording), recording, recordings::format_from_name(o.format)));
+  return exit_ok;
+}
+
+int simulate(const Options& o, const Common& common) {
+  const auto path = recording_argument(o.recording, common);
+  auto model = model_argument(o.model);
+  if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
+  const auto simulation = server::simulate_recording(recordings::read_recording(path), model, path);
+  recordings::write_recording(o.out, simulation.recording);
+  std::fprintf(stderr,
+               "%zu samples simulated. Estimated errors: from steps in time %.1e of the switching range "
+               "(rms), from the "
+               "domain quadrature %.1e of the signal's range (rms).\n",
+               simulation.recording.size(), simulation.time_error, simulation.quadrature_error);
+  std::cout << o.out << '\n';
+  return exit_ok;
+}
+
+int export_csv(const Options& o, const Common& common) {
+  std::ostringstream text;
+  server::write_csv(recordings::read_recording(recording_argument(o.recording, common)), text);
+  write_output(o.out, text.str());
+  return exit_ok;
+}
+
+template <class F>
+void act(CLI::App* sub, const std::shared_ptr<Options>& o, Common& common, F function) {
+  sub->callback(
+      [o, &common, function] { common.action = [o, &common, function] { return function(*o, common); }; });
+}
+
+}  // namespace
+
+void add_list(CLI::App& app, Common& common) {
+  auto* sub = app.add_subcommand("list", "List the recordings of the data folder, newest first");
+  auto o = std::make_shared<Options>();
+  sub->add_option("--format", o->format, "text or json")
+      ->check(CLI::IsMember(std::vector<std::string>{"text", "json"}))
+      ->default_val("text");
+  act(sub, o, common, list);
+}
+
+void add_report(CLI::App& app, Common& common) {
+  auto* sub =
+      app.add_subcommand("report", "Report a recording: stroke, hysteresis, creep, rates, minor loops");
+  auto o = std::make_shared<Options>();
+  add_recording(sub, *o);
+  sub->add_option("--format", o->format, "of the report")->check(CLI::IsMember(formats))->default_val("text");
+  sub->add_option("--out", o->out, "default: standard output")->type_name("FILE");
+  sub->footer("Example:\n  ferrobench report creep.h5 --format html --out creep.html");
+  act(sub, o, common, report);
+}
+
+void add_simulate(CLI::App& app, Common& common) {
+  auto* sub = app.add_subcommand(
+      "simulate",
+      "Play a recording's own field program through a model, without noise, into a new recording");
+  auto o = std::make_shared<Options>();
+  add_recording(sub, *o);
+  sub->add_option("--model", o->model, "by name or file; default: the recording's own");
+  sub->add_option("--out", o->out, "file of the new recording; replaced if it is there")
+      ->type_name("OUT.h5")
+      ->required();
+  sub->footer(
+      "The recording's specimen and load win over the model's own.\n"
+      "Example:\n  ferrobench simulate creep.h5 --model nec-ae0505d08 --out simulated.h5");
+  act(sub, o, common, simulate);
+}
+
+void add_export(CLI::App& app, Common& common) {
+  auto* sub = app.add_subcommand("export", "Write a recording's samples as CSV, in SI units");
+  auto o = std::make_shared<Options>();
+  add_recording(sub, *o);
+  sub->add_option("--format", o->format, "csv")
+      ->check(CLI::IsMember(std::vector<std::string>{"csv"}))
+      ->default_val("csv");
+  sub->add_option("--out", o->out, "default: standard output")->type_name("FILE");
+  sub->footer("Example:\n  ferrobench export creep.h5 --out creep.csv");
+  act(sub, o, common, export_csv);
+}
+
+}  // namespace ferrobench::cli

@@ -1,0 +1,231 @@
+#include "server/engine/engine.h"
+
+#include <boost/uuid/random_generator.hpp>
+#include <boost/uuid/uuid_io.hpp>
+
+#include "daq/registry.h"
+#include "recordings/iso_time.h"
+#include "server/engine/live.h"
+
+namespace ferrobench::server {
+
+namespace {
+
+constexpr std::size_t most_kept = 1000;  // runs and idempotency keys remembered
+
+Error no_such(const std::string& what, const std::string& given, const nlohmann::json& allowed) {
+  return {ErrorCode::not_found, "there is no such " + what,
+          Problem{.path = "/" + what,
+                  .message = "is not known here",
+                  .given = excerpt(given),
+                  .allowed = allowed,
+                  .hint = what + ".list names them"}};
+}
+
+}  // namespace
+
+Engine::Engine(const std::filesystem::path& data_folder, Hub& hub)
+    : hub_(hub), store_(data_folder), jobs_(hub) {
+  hub.add_topic({.name = "run",
+                 .doc = "status of the run: at each change of state, and five times a second",
+                 .schema = json_schema<RunStatus>()});
+  hub.add_topic(samples_topic());
+  hub.add_topic(
+      {.name = "events",
+       .doc = "what the recording notes: limit trips, gaps, pauses, stops",
+       .schema = {{"type", "object"},
+                  {"properties",
+                   {{"run", {{"type", "string"}, {"description", "absent if it concerns none"}}},
+                    {"time", {{"type", "string"}, {"description", "ISO 8601"}}},
+                    {"time_s", {{"type", "number"}, {"x-unit", "s"}, {"description", "in the run"}}},
+                    {"kind", {{"type", "string"}}},
+                    {"message", {{"type", "string"}}}}}}});
+  hub.add_topic(
+      {.name = "job", .doc = "status of a job when it changes", .schema = json_schema<JobStatus>()});
+}
+
+void Engine::stop() {
+  std::shared_ptr<Run> run;
+  {
+    const std::scoped_lock lock(mutex_);
+    stopped_ = true;
+    run = run_;
+  }
+  if (!run) return;
+  run->abort("the bench shuts down");
+  run->wait();
+}
+
+double Engine::uptime() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+}
+
+RunStatus Engine::start(const RunRequest& request, const std::string& path) {
+  const auto asked = write_json(request);
+  const std::unique_lock lock(mutex_);
+  if (!request.idempotency_key.empty()) {
+    if (const auto found = idempotent_.find(request.idempotency_key); found != idempotent_.end()) {
+      const auto& [before, id] = found->second;
+      if (before != asked)
+        throw Error(ErrorCode::invalid_params, "this idempotency key belongs to another request",
+                    Problem{.path = "/idempotency_key",
+                            .message = "was used for a different run",
+                            .given = excerpt(request.idempotency_key),
+                            .hint = "choose a new key for a new run"});
+      if (run_ && run_->id() == id) return run_->status();
+      for (const auto& status : past_)
+        if (status.run == id) return status;
+    }
+  }
+  if (stopped_) throw Error(ErrorCode::bad_state, "the bench shuts down");
+  if (run_ && !run_->over())
+    throw Error(ErrorCode::busy, "a run is under way",
+                Problem{.given = run_->id(), .hint = "wait for its end, or run.abort it"});
+
+  RunSetup setup;
+  setup.id = to_string(boost::uuids::random_generator()());
+  setup.device_name = request.device;
+  setup.limits = limits_;
+  setup.notes = request.notes;
+  const auto open = devices_.find(request.device);
+  if (open != devices_.end()) {
+    setup.device = open->second;
+    setup.plan = make_plan(request, store_, setup.device.get());
+  } else {
+    setup.plan = make_plan(request, store_);
+    setup.device = daq::open_device(request.device, setup.plan.device_config);
+  }
+  const auto info = setup.device->info();
+  setup.real_time = info.value("clock", "real") != "fast";
+  setup.path = path.empty() ? store_.new_recording(setup.plan.protocol.name()).string() : path;
+  auto next = std::make_shared<Run>(std::move(setup), hub_);
+  if (run_) past_.push_front(run_->status());
+  if (past_.size() > most_kept) past_.pop_back();
+  run_ = std::move(next);
+  if (!request.idempotency_key.empty()) {
+    if (idempotent_.size() >= most_kept) idempotent_.erase(idempotent_.begin());
+    idempotent_[request.idempotency_key] = {asked, run_->id()};
+  }
+  return run_->status();
+}
+
+std::vector<RunStatus> Engine::runs() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<RunStatus> out(past_.begin(), past_.end());
+  if (run_) out.insert(out.begin(), run_->status());
+  return out;
+}
+
+RunStatus Engine::status(const std::string& id) const {
+  const auto all = runs();
+  if (id.empty()) return all.empty() ? RunStatus{} : all.front();
+  for (const auto& status : all)
+    if (status.run == id) return status;
+  throw no_such("run", id, nullptr);
+}
+
+// The run under way or just over, by its id or as the latest.
+std::shared_ptr<Run> Engine::current(const std::string& id) const {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (run_ && (id.empty() || run_->id() == id)) return run_;
+  }
+  const auto known = status(id);
+  throw Error(ErrorCode::bad_state, known.run.empty() ? "there is no run" : "this run is over",
+              Problem{.path = "/run", .message = "is not under way", .given = excerpt(id)});
+}
+
+RunStatus Engine::wait(const std::string& id) {
+  const auto run = current(id);
+  run->wait();
+  return run->status();
+}
+
+void Engine::pause(const std::string& id) {
+  current(id)->pause();
+}
+
+void Engine::resume(const std::string& id) {
+  current(id)->resume();
+}
+
+void Engine::abort(const std::string& id, const std::string& reason) {
+  const auto run = current(id);
+  if (run->over())
+    throw Error(ErrorCode::bad_state, "this run is over",
+                Problem{.path = "/run", .message = "is not under way", .given = excerpt(id)});
+  run->abort(reason);
+}
+
+bool Engine::is_being_written(const std::filesystem::path& path) const {
+  const std::scoped_lock lock(mutex_);
+  return run_ && !run_->over() && run_->status().path == path;
+}
+
+daq::Limits Engine::limits() const {
+  const std::scoped_lock lock(mutex_);
+  return limits_;
+}
+
+void Engine::demand_rest(const std::string& what) const {
+  if (run_ && !run_->over())
+    throw Error(ErrorCode::busy, what + " while a run is under way",
+                Problem{.given = run_->id(), .hint = "wait for its end, or run.abort it"});
+}
+
+void Engine::set_limits(const daq::Limits& limits) {
+  if (auto found = daq::problems(limits); !found.empty())
+    throw Error(ErrorCode::invalid_params, "the limits are not valid", std::move(found));
+  {
+    const std::scoped_lock lock(mutex_);
+    demand_rest("limits cannot change");
+    limits_ = limits;
+  }
+  hub_.publish("events",
+               {{"time", recordings::iso_now()}, {"kind", "limits"}, {"message", "the limits were changed"}});
+}
+
+std::string Engine::open_device(const std::string& kind, const nlohmann::json& config) {
+  constexpr std::size_t most_open = 8;
+  auto full = config.is_null() ? nlohmann::json::object() : config;
+  if (kind == "virtual" && full.is_object())
+    full["model"] = resolve_model(full.value("model", nlohmann::json()), store_);
+  auto device = daq::open_device(kind, full);
+  const std::scoped_lock lock(mutex_);
+  if (devices_.size() >= most_open)
+    throw Error(ErrorCode::busy, "too many devices are open",
+                Problem{.given = devices_.size(), .allowed = most_open, .hint = "device.close one"});
+  auto id = kind + "-" + std::to_string(++last_device_);
+  devices_[id] = std::move(device);
+  return id;
+}
+
+std::shared_ptr<daq::Device> Engine::find_device(const std::string& id) const {
+  if (const auto found = devices_.find(id); found != devices_.end()) return found->second;
+  auto names = nlohmann::json::array();
+  for (const auto& [name, device] : devices_) names.push_back(name);
+  throw no_such("device", id, names);
+}
+
+void Engine::close_device(const std::string& id) {
+  const std::scoped_lock lock(mutex_);
+  find_device(id);
+  if (run_ && !run_->over() && run_->status().device == id) demand_rest("the device cannot be closed");
+  devices_.erase(id);
+}
+
+std::vector<std::string> Engine::open_devices() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<std::string> out;
+  for (const auto& [name, device] : devices_) out.push_back(name);
+  return out;
+}
+
+void Engine::with_device(const std::string& id, const std::function<void(daq::Device&)>& use) {
+  const std::scoped_lock lock(mutex_);
+  const auto device = find_device(id);
+  if (run_ && !run_->over() && run_->status().device == id) demand_rest("the device is taken");
+  use(*device);
+}
+
+}  // namespace ferrobench::server

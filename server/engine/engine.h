@@ -1,0 +1,78 @@
+// The bench as a whole: its store, devices, limits, the one run under way and those before it.
+// Everything here is safe to call from any thread.
+#pragma once
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/engine/jobs.h"
+#include "server/engine/lease.h"
+#include "server/engine/run.h"
+#include "server/engine/store.h"
+
+namespace ferrobench::server {
+
+class Engine {
+ public:
+  // Adds the topics run, samples, events and job to the hub, which outlives the engine.
+  Engine(const std::filesystem::path& data_folder, Hub& hub);
+  ~Engine() { stop(); }
+  // Ends a run under way safely and returns when the output is at zero. No run starts after.
+  void stop();
+
+  // A run goes on at a time: Error(busy). A request whose idempotency key was seen before starts nothing and
+  // returns that run. `path`: where the recording goes, "" for a new one in the store.
+  RunStatus start(const RunRequest& request, const std::string& path = "");
+  // `run` "": the latest; state idle if there was none. Error(not_found).
+  RunStatus status(const std::string& run = "") const;
+  std::vector<RunStatus> runs() const;  // newest first
+  RunStatus wait(const std::string& run);
+  void pause(const std::string& run);
+  void resume(const std::string& run);
+  void abort(const std::string& run, const std::string& reason);
+  // Whether the run under way writes this recording.
+  bool is_being_written(const std::filesystem::path& path) const;
+
+  daq::Limits limits() const;
+  void set_limits(const daq::Limits& limits);  // Error(invalid_params), Error(busy) during a run
+
+  // A device that stays open keeps the state of its specimen from run to run.
+  std::string open_device(const std::string& kind, const nlohmann::json& config);
+  void close_device(const std::string& id);
+  std::vector<std::string> open_devices() const;
+  // An open device, for `use` alone; Error(busy) while a run has it.
+  void with_device(const std::string& id, const std::function<void(daq::Device&)>& use);
+
+  const Store& store() const { return store_; }
+  Jobs& jobs() { return jobs_; }
+  Lease& lease() { return lease_; }
+  Hub& hub() { return hub_; }
+  double uptime() const;  // s
+
+ private:
+  std::shared_ptr<Run> current(const std::string& run) const;
+  std::shared_ptr<daq::Device> find_device(const std::string& id) const;
+  void demand_rest(const std::string& what) const;
+
+  Hub& hub_;
+  Store store_;
+  Lease lease_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+
+  mutable std::mutex mutex_;
+  daq::Limits limits_;
+  std::map<std::string, std::shared_ptr<daq::Device>> devices_;
+  std::shared_ptr<Run> run_;
+  std::deque<RunStatus> past_;                                                // newest first
+  std::map<std::string, std::pair<nlohmann::json, std::string>> idempotent_;  // key -> request, run
+  std::uint64_t last_device_ = 0;
+  bool stopped_ = false;
+  Jobs jobs_;  // last: its threads end first
+};
+
+}  // namespace ferrobench::server

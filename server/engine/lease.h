@@ -1,0 +1,49 @@
+// One controller at a time. While nobody holds the lease, every client may control; while somebody does, only
+// they may. It runs out unless renewed, so a client that dies does not lock the bench.
+#pragma once
+
+#include <chrono>
+#include <mutex>
+#include <string>
+
+#include "protocols/common/fields.h"
+#include "server/rpc/method.h"
+
+namespace ferrobench::server {
+
+struct LeaseStatus {
+  std::string lease{};
+  std::string holder{};
+  double expires_in = 0;  // s
+};
+template <class Visitor>
+void describe(Visitor& visit, LeaseStatus& s) {
+  visit("lease", s.lease, {.doc = "to renew, release, or present it; only its holder is told"});
+  visit("holder", s.holder, {.doc = "\"\" if nobody holds it"});
+  visit("expires_in_s", s.expires_in, {.unit = "s"});
+}
+
+class Lease {
+ public:
+  // The caller holds it from now on. Error(not_controller) if another one does.
+  LeaseStatus acquire(CallContext& caller, double seconds);
+  // `lease` "": the one the caller presented. A new connection may renew an old one's lease, and has it then.
+  LeaseStatus renew(CallContext& caller, const std::string& lease, double seconds);
+  void release(CallContext& caller, const std::string& lease);
+  LeaseStatus status() const;  // without the lease itself
+
+  // The gate of the dispatcher: Error(not_controller) unless the caller may control now.
+  void demand(const Method& method, const CallContext& caller) const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool held() const { return !token_.empty() && Clock::now() < end_; }
+  LeaseStatus tell(bool with_token) const;
+  void demand_token(const std::string& given) const;
+
+  mutable std::mutex mutex_;
+  std::string token_, holder_;
+  Clock::time_point end_;
+};
+
+}  // namespace ferrobench::server

@@ -1,0 +1,41 @@
+// What goes by, for those who watch: first, smallest and largest value of each channel over stretches of
+// rows, few enough to draw.
+//
+// The topic "samples": {run, columns: {time: [..], command: {first: [..], min: [..], max: [..]}, ..}}, SI
+// units; a time is that of the first row of its stretch. Messages merge by joining their stretches, and
+// neighbours are joined where there would be more than max_bins.
+#pragma once
+
+#include <chrono>
+#include <span>
+#include <string>
+
+#include "recordings/file.h"
+#include "server/rpc/hub.h"
+
+namespace ferrobench::server {
+
+inline constexpr std::size_t max_bins = 200;
+
+Topic samples_topic();
+// At most `bins` stretches of equally many rows.
+nlohmann::json decimate(const recordings::Rows& rows, std::size_t bins);
+void merge_samples(nlohmann::json& held, const nlohmann::json& next);
+
+// One run's stream into the hub, at most 20 messages a second however fast the rows come.
+class LiveStream {
+ public:
+  LiveStream(Hub& hub, std::string run) : hub_(hub), run_(std::move(run)) {}
+  void add(const recordings::Rows& rows);
+  void finish();
+
+ private:
+  void send();
+
+  Hub& hub_;
+  std::string run_;
+  nlohmann::json held_;
+  std::chrono::steady_clock::time_point sent_;
+};
+
+}  // namespace ferrobench::server

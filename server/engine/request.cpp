@@ -1,0 +1,154 @@
+#include "server/engine/request.h"
+
+#include <algorithm>
+
+#include "model/model.h"
+#include "protocols/common/units.h"
+
+namespace ferrobench::server {
+
+using nlohmann::json;
+
+namespace {
+
+// Enough to draw a program whose field never moves, and to see noise on it.
+constexpr double usual_sample_rate = 50;
+
+void add_leaves(const json& value, const std::string& path, std::vector<std::string>& out) {
+  if (!value.is_object()) return out.push_back(path);
+  for (const auto& [key, item] : value.items()) add_leaves(item, path + "." + key, out);
+}
+
+double number(const std::string& key, const json& value) {
+  if (value.is_number()) return value.get<double>();
+  throw Error(ErrorCode::invalid_params, "this setting is a number",
+              Problem{.path = "/set/" + key,
+                      .message = "is not a number",
+                      .given = value,
+                      .hint = "for example " + key + "=1"});
+}
+
+// Sets what stands at "a.b.c" in `target`. False if there is no such place; `create` makes it.
+bool set_path(json& target, std::string_view path, const json& value, bool create) {
+  json* at = &target;
+  while (!path.empty()) {
+    const auto dot = std::min(path.find('.'), path.size());
+    const auto key = std::string(path.substr(0, dot));
+    if (!at->is_object() || (!create && !at->contains(key))) return false;
+    at = &at->emplace(key, create && dot < path.size() ? json::object() : json()).first.value();
+    path.remove_prefix(std::min(dot + 1, path.size()));
+  }
+  *at = value;
+  return true;
+}
+
+struct Settings {
+  std::map<std::string, double> parameters;
+  std::optional<double> prestress, spring_stiffness, sample_rate;
+};
+
+class Reader {
+ public:
+  Reader(const protocols::Protocol& protocol, json& model, json& device, bool fresh)
+      : known_(protocol.parameters()), model_(model), device_(device), fresh_(fresh) {}
+
+  Settings read(const json& set) {
+    if (!set.is_object())
+      throw Error(ErrorCode::invalid_params, "settings are values by key",
+                  Problem{.path = "/set", .message = "is not an object", .given = set});
+    for (const auto& [key, value] : set.items())
+      if (!take(key, value)) problems_.push_back(unknown(key, value));
+    if (!problems_.empty())
+      throw Error(ErrorCode::invalid_params, "a setting is not known", std::move(problems_));
+    return std::move(settings_);
+  }
+
+ private:
+  bool take(const std::string& key, const json& value) {
+    if (known_.contains(key)) return settings_.parameters[key] = number(key, value), true;
+    if (key == "sample_rate_Hz") return settings_.sample_rate = number(key, value), true;
+    if (!fresh_) return false;
+    if (key == "prestress_Pa") return settings_.prestress = number(key, value), true;
+    if (key == "prestress_MPa") return settings_.prestress = number(key, value) * pascal_in_mpa, true;
+    if (key == "spring_stiffness_N_per_m") return settings_.spring_stiffness = number(key, value), true;
+    const std::string_view path(key);
+    if (path.starts_with("model.")) return set_path(model_, path.substr(6), value, false);
+    // Optional parts of the device's configuration are absent until set; opening it checks their names.
+    return path.starts_with("device.") && set_path(device_, path.substr(7), value, true);
+  }
+
+  Problem unknown(const std::string& key, const json& value) const {
+    std::vector<std::string> allowed;
+    for (const auto& [name, unused] : known_) allowed.push_back(name);
+    allowed.emplace_back("sample_rate_Hz");
+    if (fresh_) {
+      allowed.insert(allowed.end(), {"prestress_Pa", "prestress_MPa", "spring_stiffness_N_per_m"});
+      add_leaves(model_, "model", allowed);
+      allowed.emplace_back("device.<path>");
+    }
+    const auto guess = nearest_name(key, allowed);
+    return {.path = "/set/" + excerpt(key),
+            .message = "is not a setting of this run",
+            .given = value,
+            .allowed = allowed,
+            .hint = !guess.empty() ? "did you mean \"" + guess + "\"?"
+                    : fresh_       ? ""
+                                   : "a device that is open keeps its model and load"};
+  }
+
+  std::map<std::string, double> known_;
+  json& model_;
+  json& device_;
+  bool fresh_;
+  Settings settings_;
+  std::vector<Problem> problems_;
+};
+
+}  // namespace
+
+protocols::Protocol resolve_protocol(const json& given) {
+  if (given.is_string()) return protocols::library_protocol(given.get<std::string>());
+  return protocols::Protocol::from_json(given);
+}
+
+json resolve_model(const json& given, const Store& store) {
+  if (given.is_null()) return store.model(default_model_name());
+  if (given.is_string()) return store.model(given.get<std::string>());
+  return model::to_json(model::model_from_json(given));
+}
+
+RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Device* open) {
+  RunPlan plan{.protocol = resolve_protocol(request.protocol)};
+  const bool fresh = open == nullptr;
+  if (!fresh && (!request.model.is_null() || request.fast))
+    throw Error(ErrorCode::invalid_params, "the device is open already and keeps its model and clock",
+                Problem{.path = request.model.is_null() ? "/fast" : "/model",
+                        .message = "cannot be chosen for an open device",
+                        .hint = "name the kind of device instead, and it is opened for this run"});
+  plan.model = fresh ? resolve_model(request.model, store) : open->model();
+  json device = json::object();
+  const auto settings = Reader(plan.protocol, plan.model, device, fresh).read(request.set);
+
+  if (fresh) {
+    const auto load = plan.protocol.load();
+    auto& in_force = plan.model["load"];
+    if (const auto p = settings.prestress ? settings.prestress : load.prestress) in_force["prestress"] = *p;
+    if (const auto k = settings.spring_stiffness ? settings.spring_stiffness : load.spring_stiffness)
+      in_force["spring_stiffness"] = *k;
+    plan.model = model::to_json(model::model_from_json(plan.model));
+    device["model"] = plan.model;
+    device["seed"] = request.seed;
+    device["clock"] = request.fast ? "fast" : "real";
+    plan.device_config = std::move(device);
+  }
+
+  protocols::ExpandOptions options{.parameters = settings.parameters};
+  // Volts act on the layers of the specimen that is there, whichever one the program was written for.
+  if (plan.protocol.json().value("unit", "") == "V" && !plan.model.is_null())
+    options.layer_thickness = plan.model.at("actuator").at("layer_thickness").get<double>();
+  plan.protocol = plan.protocol.with(options);
+  plan.sample_rate = settings.sample_rate.value_or(plan.protocol.sample_rate().value_or(usual_sample_rate));
+  return plan;
+}
+
+}  // namespace ferrobench::server

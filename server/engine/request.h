@@ -1,0 +1,59 @@
+// What a client asks for when it starts a run, and the plan that comes of it.
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "daq/device.h"
+#include "protocols/common/fields.h"
+#include "protocols/protocol.h"
+#include "server/engine/store.h"
+
+namespace ferrobench::server {
+
+struct RunRequest {
+  nlohmann::json protocol{};       // name of a shipped one, or a protocol
+  std::string device = "virtual";  // a kind, opened for this run alone, or a device opened before
+  nlohmann::json model{};          // name or model; virtual device only
+  bool fast = false;
+  std::int64_t seed = 1;
+  nlohmann::json set = nlohmann::json::object();
+  std::string notes{};
+  std::string idempotency_key{};
+};
+template <class Visitor>
+void describe(Visitor& visit, RunRequest& r) {
+  visit("protocol", r.protocol, {.required = true, .doc = "name of a shipped protocol, or a protocol"});
+  visit("device", r.device, {.doc = "a kind of device (opened for this run alone), or one opened before"});
+  visit("model", r.model, {.doc = "name of a model, or a model; for the virtual device"});
+  visit("fast", r.fast, {.doc = "virtual device: as fast as it can be computed, not in real time"});
+  visit("seed", r.seed, {.min = 0, .doc = "virtual device: of the noise; same seed, same bytes"});
+  visit("set", r.set,
+        {.doc = "values by key: parameters of the protocol, prestress_Pa, prestress_MPa, "
+                "spring_stiffness_N_per_m, sample_rate_Hz, model.<path>, device.<path>"});
+  visit("notes", r.notes, {.doc = "kept in the recording"});
+  visit("idempotency_key", r.idempotency_key,
+        {.doc = "a second start with the same key returns the first one's run"});
+}
+
+struct RunPlan {
+  protocols::Protocol protocol{};  // as executed
+  double sample_rate = 0;          // Hz, asked for
+  nlohmann::json device_config{};  // for daq::open_device; null if the device is open already
+  nlohmann::json model{};          // with the load in force; null if the device has none
+};
+
+// `open`: the device named by the request if it was opened before, else null. Its model and load are what
+// they are; a fresh virtual device takes the load set, else the protocol's, else the model's.
+// Throws Error(invalid_params) with what is allowed for a key that is not, and what reading the protocol and
+// model throws.
+RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Device* open = nullptr);
+
+// A protocol by name or as JSON; a model by name or as JSON (null: the default one), with everything filled
+// in.
+protocols::Protocol resolve_protocol(const nlohmann::json& given);
+nlohmann::json resolve_model(const nlohmann::json& given, const Store& store);
+
+}  // namespace ferrobench::server

@@ -1,0 +1,263 @@
+#include "server/engine/run.h"
+
+#include <array>
+#include <boost/lockfree/spsc_queue.hpp>
+#include <boost/uuid/random_generator.hpp>
+#include <boost/uuid/uuid_io.hpp>
+#include <semaphore>
+
+#include "daq/guard/check.h"
+#include "model/model.h"
+#include "recordings/iso_time.h"
+#include "server/engine/sink.h"
+
+namespace ferrobench::server {
+
+namespace {
+
+constexpr std::size_t queue_blocks = 256;  // of 0.1 s each in real time
+constexpr std::chrono::milliseconds status_interval{200};
+
+recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
+  recordings::Header header{.title = setup.plan.protocol.title(),
+                            .start_time = recordings::iso_now(),
+                            .entry_identifier = to_string(boost::uuids::random_generator()()),
+                            .run_seed = std::nullopt,
+                            .protocol = setup.plan.protocol.json(),
+                            .model = device.model(),
+                            .device = device.info(),
+                            .specimen = {},
+                            .load = {}};
+  header.device["sample_rate_asked"] = setup.plan.sample_rate;
+  header.device["sample_rate"] = rate;
+  if (header.device.contains("seed")) header.run_seed = header.device["seed"].get<std::int64_t>();
+  if (header.model.is_null()) return header;
+  const auto model = model::model_from_json(header.model);
+  const auto& a = model.actuator;
+  header.specimen = {model.name, a.length, a.area, a.layer_thickness, a.layer_count};
+  header.load = {model.load.spring_stiffness, model.load.prestress};
+  return header;
+}
+
+}  // namespace
+
+std::span<const std::pair<RunState, std::string_view>> enum_names(RunState) {
+  static constexpr std::array<std::pair<RunState, std::string_view>, 8> names{
+      {{RunState::idle, "idle"},
+       {RunState::arming, "arming"},
+       {RunState::running, "running"},
+       {RunState::pausing, "pausing"},
+       {RunState::paused, "paused"},
+       {RunState::stopping, "stopping"},
+       {RunState::complete, "complete"},
+       {RunState::aborted, "aborted"}}};
+  return names;
+}
+
+// Blocks go round: free -> acquisition -> full -> writer -> free. A null block ends the run.
+struct Run::Pipe {
+  using Queue = boost::lockfree::spsc_queue<daq::SampleBlock*, boost::lockfree::capacity<queue_blocks + 1>>;
+  std::vector<daq::SampleBlock> blocks{queue_blocks};
+  Queue free, full;
+  std::counting_semaphore<> filled{0}, returned{0};
+  bool wait_for_writer;
+
+  explicit Pipe(bool wait) : wait_for_writer(wait) {
+    for (auto& block : blocks) free.push(&block);
+  }
+  // Null if the writer is too far behind.
+  daq::SampleBlock* take_free() {
+    daq::SampleBlock* block = nullptr;
+    while (!free.pop(block)) {
+      if (!wait_for_writer) return nullptr;
+      returned.acquire();
+    }
+    return block;
+  }
+  void put_full(daq::SampleBlock* block) {
+    full.push(block);
+    filled.release();
+  }
+  daq::SampleBlock* take_full() {
+    filled.acquire();
+    daq::SampleBlock* block = nullptr;
+    full.pop(block);
+    return block;
+  }
+  void put_free(daq::SampleBlock* block) {
+    free.push(block);
+    if (wait_for_writer) returned.release();
+  }
+};
+
+Run::Run(RunSetup setup, Hub& hub)
+    : setup_(std::move(setup)),
+      hub_(hub),
+      pipe_(std::make_unique<Pipe>(!setup_.real_time)),
+      guard_(std::make_unique<daq::Guard>(*setup_.device, setup_.limits, setup_.interlock)),
+      program_(setup_.plan.protocol.expand(), setup_.device->scan_rate(setup_.plan.sample_rate)),
+      begin_(std::chrono::steady_clock::now()) {
+  if (auto found = daq::check(program_, guard_->limits()); !found.empty())
+    throw Error(ErrorCode::limit_exceeded, "the program would pass a limit", std::move(found));
+  const auto header = header_of(setup_, *setup_.device, program_.rate());
+  started_ = header.start_time;
+  sink_ =
+      std::make_unique<Sink>(setup_.path, header, setup_.device->columns(), program_.rate(), hub_, setup_.id);
+  if (!setup_.notes.empty()) sink_->add_event({0, "note", setup_.notes});
+  if (program_.distortion() > 0.5 / program_.rate())
+    sink_->add_event({0, "stretched",
+                      "the sample rate is too low for the program's corners: one of them is " +
+                          std::to_string(program_.distortion()) + " s late"});
+  writer_ = std::thread([this] { write(); });
+  acquisition_ = std::thread([this] { acquire(); });
+}
+
+Run::~Run() {
+  abort("the bench shuts down");
+  wait();
+}
+
+void Run::wait() {
+  const std::scoped_lock lock(joining_);
+  if (acquisition_.joinable()) acquisition_.join();
+  if (writer_.joinable()) writer_.join();
+}
+
+void Run::acquire() {
+  std::string failure;
+  try {
+    guard_->go_to(program_.value(0), guard_->limits().stop_slew);
+    guard_->start(program_);
+    daq::SampleBlock spare;
+    for (;;) {
+      auto* block = pipe_->take_free();
+      if (block == nullptr) guard_->stop("the disk does not keep up");
+      const bool more = guard_->read(block == nullptr ? spare : *block);
+      // The writer sees the rows that a spare block took away as a gap.
+      if (block != nullptr) pipe_->put_full(block);
+      if (!more) break;
+    }
+  } catch (const std::exception& error) {
+    failure = error.what();
+    make_safe();
+  }
+  {
+    const std::scoped_lock lock(mutex_);
+    reason_ = failure;
+  }
+  pipe_->put_full(nullptr);
+}
+
+// For a run that failed between the way to its first level and its first row; the guard looks after all
+// others by itself. It goes to zero even where it refuses to go on.
+void Run::make_safe() {
+  try {
+    guard_->go_to(0, guard_->limits().stop_slew);
+  } catch (const std::exception&) {  // the outcome tells where the output is
+  }
+}
+
+void Run::write() {
+  auto shown = std::chrono::steady_clock::time_point{};
+  auto state = RunState::idle;
+  while (auto* block = pipe_->take_full()) {
+    sink_->take(*block);
+    pipe_->put_free(block);
+    if (!sink_->failure().empty()) guard_->stop(sink_->failure());
+    const auto now = std::chrono::steady_clock::now();
+    const auto status = this->status();
+    if (status.state == state && now - shown < status_interval) continue;
+    state = status.state;
+    shown = now;
+    hub_.publish("run", write_json(status));
+  }
+  const auto outcome = guard_->outcome();
+  std::string reason = reason_.empty() ? outcome.reason : reason_;
+  const auto segments = guard_->segments();
+  bool at_zero = outcome.output_at_zero;
+  if (outcome.end == daq::End::none) at_zero = setup_.device->output() == 0;
+  const bool complete = outcome.end == daq::End::complete && reason.empty();
+  if (!sink_->failure().empty()) reason = sink_->failure();
+  const bool recorded =
+      sink_->finish(complete ? "complete" : "aborted", reason, segments, setup_.device->noise());
+  if (!sink_->failure().empty()) reason = sink_->failure();
+  {
+    const std::scoped_lock lock(mutex_);
+    state_ = complete && sink_->failure().empty() ? RunState::complete : RunState::aborted;
+    reason_ = reason;
+    ended_ = recordings::iso_now();
+    at_zero_ = at_zero;
+    recorded_ = recorded;
+  }
+  hub_.publish("run", write_json(status()));
+}
+
+RunStatus Run::status() const {
+  using Guarded = daq::Progress::State;
+  const auto guarded = guard_->progress();
+  RunStatus out{.run = setup_.id,
+                .protocol = setup_.plan.protocol.name(),
+                .title = setup_.plan.protocol.title(),
+                .device = setup_.device_name,
+                .recording = std::filesystem::path(setup_.path).stem(),
+                .path = setup_.path,
+                .rows = static_cast<std::int64_t>(guarded.rows_read),
+                .rows_expected = static_cast<std::int64_t>(guarded.rows_expected),
+                .sample_rate = program_.rate(),
+                .started = started_,
+                .output_at_zero = false};
+  if (guarded.state == Guarded::idle) out.rows_expected = static_cast<std::int64_t>(program_.size());
+  out.duration = static_cast<double>(out.rows_expected) / out.sample_rate;
+  out.progress = std::min(1.0, static_cast<double>(out.rows) / static_cast<double>(out.rows_expected));
+  const std::scoped_lock lock(mutex_);
+  out.state = state_;
+  out.reason = reason_;
+  out.ended = ended_;
+  if (is_over(state_)) {
+    out.output_at_zero = at_zero_;
+    if (!recorded_) out.recording = out.path = "";
+    return out;
+  }
+  switch (guarded.state) {
+    case Guarded::idle:
+      out.state = RunState::arming;
+      break;
+    case Guarded::running:
+      out.state = RunState::running;
+      break;
+    case Guarded::pausing:
+      out.state = RunState::pausing;
+      break;
+    case Guarded::paused:
+      out.state = RunState::paused;
+      break;
+    case Guarded::stopping:
+    case Guarded::ended:
+      out.state = RunState::stopping;
+      break;
+  }
+  const auto left = static_cast<double>(out.rows_expected - out.rows);
+  if (setup_.real_time) {
+    out.time_left = left / out.sample_rate;
+  } else if (out.rows > 0) {
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin_;
+    out.time_left = spent.count() / static_cast<double>(out.rows) * left;
+  }
+  return out;
+}
+
+void Run::pause() {
+  guard_->pause();
+  hub_.publish("run", write_json(status()));
+}
+
+void Run::resume() {
+  guard_->resume();
+  hub_.publish("run", write_json(status()));
+}
+
+void Run::abort(const std::string& reason) {
+  guard_->stop(reason);
+}
+
+}  // namespace ferrobench::server

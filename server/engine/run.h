@@ -1,0 +1,122 @@
+// One run: a program through the guard to the device, and what comes back into a recording.
+//
+// Two threads. Acquisition feeds and drains the device and does nothing else; the writer scales, stores and
+// shows. A bounded queue of blocks lies between them. If the disk falls behind a real-time run so far that
+// the queue is full, the run stops safely; a run as fast as possible waits instead.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "daq/guard/guard.h"
+#include "protocols/common/fields.h"
+#include "server/engine/request.h"
+#include "server/rpc/hub.h"
+
+namespace ferrobench::server {
+
+class Sink;
+
+enum class RunState { idle, arming, running, pausing, paused, stopping, complete, aborted };
+std::span<const std::pair<RunState, std::string_view>> enum_names(RunState);
+inline bool is_over(RunState s) {
+  return s == RunState::idle || s == RunState::complete || s == RunState::aborted;
+}
+
+struct RunStatus {
+  std::string run{};
+  RunState state = RunState::idle;
+  std::string reason{};
+  std::string protocol{}, title{}, device{};
+  std::string recording{}, path{};
+  double progress = 0;
+  std::optional<double> time_left{};  // s
+  double duration = 0;                // s
+  std::int64_t rows = 0, rows_expected = 0;
+  double sample_rate = 0;  // Hz
+  std::string started{}, ended{};
+  bool output_at_zero = true;
+};
+template <class Visitor>
+void describe(Visitor& visit, RunStatus& s) {
+  visit("run", s.run, {.required = true, .doc = "its id; \"\" if there was none yet"});
+  visit("state", s.state, {.required = true});
+  visit("reason", s.reason, {.doc = "why it was aborted"});
+  visit("protocol", s.protocol, {});
+  visit("title", s.title, {});
+  visit("device", s.device, {});
+  visit("recording", s.recording, {.doc = "name of the recording; \"\" if nothing was measured"});
+  visit("path", s.path, {.doc = "its file on the daemon's machine"});
+  visit("progress", s.progress, {.min = 0, .max = 1, .doc = "share of the rows that have come"});
+  visit("time_left_s", s.time_left, {.unit = "s", .doc = "estimated, while it runs"});
+  visit("duration_s", s.duration, {.unit = "s", .doc = "of the whole program, pauses so far included"});
+  visit("rows", s.rows, {.min = 0});
+  visit("rows_expected", s.rows_expected, {.min = 0});
+  visit("sample_rate_Hz", s.sample_rate, {.unit = "Hz"});
+  visit("started", s.started, {.doc = "ISO 8601"});
+  visit("ended", s.ended, {.doc = "ISO 8601, \"\" while it runs"});
+  visit("output_at_zero", s.output_at_zero, {.doc = "false while it runs, or if the device did not obey"});
+}
+
+struct RunSetup {
+  std::string id{};
+  RunPlan plan{};
+  std::shared_ptr<daq::Device> device{};
+  std::string device_name{};
+  daq::Limits limits{};
+  daq::Interlock interlock{};
+  std::string path{};  // of the recording; must not exist
+  std::string notes{};
+  bool real_time = true;
+};
+
+class Run {
+ public:
+  // Everything that can be refused is refused here, before anything moves: Error(limit_exceeded) with every
+  // problem of the program, Error(invalid_params) for the rate, Error(io_error | disk_full) for the file.
+  // Then it starts.
+  Run(RunSetup setup, Hub& hub);
+  ~Run();  // aborts, and waits until the output is at zero
+  Run(const Run&) = delete;
+  Run& operator=(const Run&) = delete;
+
+  const std::string& id() const { return setup_.id; }
+  RunStatus status() const;
+  bool over() const { return is_over(status().state); }
+
+  // Error(bad_state) where that makes no sense now.
+  void pause();
+  void resume();
+  void abort(const std::string& reason);  // a safe stop; nothing if the run is over
+  void wait();                            // until the recording is whole
+
+ private:
+  struct Pipe;
+  void acquire();
+  void make_safe();
+  void write();
+
+  RunSetup setup_;
+  Hub& hub_;
+  std::unique_ptr<Pipe> pipe_;
+  std::unique_ptr<Sink> sink_;
+  std::unique_ptr<daq::Guard> guard_;
+  protocols::SampledWaveform program_;
+  std::string started_;
+  std::chrono::steady_clock::time_point begin_;
+
+  mutable std::mutex mutex_;  // over what follows
+  RunState state_ = RunState::arming;
+  std::string reason_, ended_;
+  bool at_zero_ = false;
+  bool recorded_ = true;
+
+  std::mutex joining_;
+  std::thread writer_, acquisition_;
+};
+
+}  // namespace ferrobench::server

@@ -1,0 +1,22 @@
+// A recording's own program played through a model, without noise: what the model says that should have been
+// measured.
+#pragma once
+
+#include "recordings/recording.h"
+
+namespace ferrobench::server {
+
+struct Simulation {
+  recordings::Recording recording;
+  // Estimates by the model itself, see model/simulator.h.
+  double time_error = 0, quadrature_error = 0;
+};
+
+// Plays `command` (the measured field if there is none) at the recording's own times. `model` null: the
+// recording's. The recording's specimen and load win over the model's actuator and load. Segments, protocol
+// and the reference of the charge carry over. `origin` names the source in the device's description.
+// Throws Error(invalid_params) if there is no model or nothing to play, Error(bad_model).
+Simulation simulate_recording(const recordings::Recording& recording, const nlohmann::json& model,
+                              const std::string& origin);
+
+}  // namespace ferrobench::server

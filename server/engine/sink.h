@@ -1,0 +1,55 @@
+// Where the blocks of a run end: scaled to SI, into the recording and to whoever watches.
+//
+// Rows that were lost on the way are written as NaN (raw counts as the lowest one), so that a row's number is
+// its time. After a failure to write, blocks are still shown and the failure is kept.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "daq/device.h"
+#include "recordings/file.h"
+#include "server/engine/live.h"
+
+namespace ferrobench::server {
+
+class Sink {
+ public:
+  // Throws what recordings::Writer throws.
+  Sink(const std::string& path, const recordings::Header& header, std::vector<recordings::RawColumn> columns,
+       double rate, Hub& hub, std::string run);
+
+  void take(const daq::SampleBlock& block);
+  void add_event(const recordings::Event& event);
+  // The recording is whole after this. Without a single row there is no recording: false.
+  bool finish(const std::string& status, const std::string& reason,
+              std::span<const recordings::SegmentRow> segments,
+              const std::array<std::optional<double>, 5>& noise);
+
+  std::uint64_t rows() const { return rows_; }
+  const std::string& failure() const { return failure_; }  // "" if all went well
+
+ private:
+  template <class F>
+  void guarded(F&& write);
+  void fill_gap(std::uint64_t until);
+  void store();
+  void resize(std::size_t rows);
+
+  std::vector<recordings::RawColumn> columns_;
+  double rate_;
+  Hub& hub_;
+  std::string run_;
+  LiveStream live_;
+  std::optional<recordings::Writer> writer_;
+  std::string path_, failure_;
+  std::uint64_t rows_ = 0;
+  std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
+
+  std::vector<double> time_;
+  std::array<std::vector<double>, 5> values_;
+  std::vector<std::int16_t> counts_;
+};
+
+}  // namespace ferrobench::server

@@ -1,0 +1,156 @@
+#include "server/engine/store.h"
+
+#include <pwd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <ctime>
+#include <fstream>
+
+#include "model/model.h"
+
+namespace ferrobench::server {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::string_view allowed_in_names =
+    "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+constexpr std::size_t longest_name = 120;
+
+std::string utc_stamp() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  gmtime_r(&now, &parts);
+  char text[32];
+  const auto length = std::strftime(text, sizeof text, "%Y%m%dT%H%M%SZ", &parts);
+  return {text, length};
+}
+
+std::string without_suffix(std::string name, std::string_view suffix) {
+  if (name.ends_with(suffix)) name.resize(name.size() - suffix.size());
+  return name;
+}
+
+void make_folder(const fs::path& folder) {
+  std::error_code failure;
+  fs::create_directories(folder, failure);
+  if (failure)
+    throw Error(ErrorCode::io_error, "the data folder cannot be made",
+                Problem{.message = failure.message(),
+                        .given = folder.string(),
+                        .hint = "name another one: --data, or FERROBENCH_DATA in the environment"});
+}
+
+[[noreturn]] void throw_not_found(const std::string& what, const std::string& name,
+                                  const std::vector<std::string>& names) {
+  const auto guess = nearest_name(name, names);
+  throw Error(ErrorCode::not_found, "there is no " + what + " \"" + excerpt(name) + "\"",
+              Problem{.path = "/" + what,
+                      .message = "is not known here",
+                      .given = excerpt(name),
+                      .hint = guess.empty() ? what + ".list names them" : "did you mean \"" + guess + "\"?"});
+}
+
+}  // namespace
+
+fs::path default_data_folder() {
+  if (const char* set = std::getenv("FERROBENCH_DATA"); set != nullptr && *set != 0) return set;
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home != 0)
+    return fs::path(home) / ".local/share/ferrobench";
+  if (const passwd* user = getpwuid(getuid()); user != nullptr)
+    return fs::path(user->pw_dir) / ".local/share/ferrobench";
+  throw Error(ErrorCode::io_error, "no place for recordings is known",
+              Problem{.hint = "set FERROBENCH_DATA to a folder"});
+}
+
+void check_name(const std::string& name, const std::string& path) {
+  const bool fit = !name.empty() && name.size() <= longest_name && name.front() != '.' &&
+                   name.find_first_not_of(allowed_in_names) == std::string::npos;
+  if (!fit)
+    throw Error(ErrorCode::invalid_params, "this cannot be a name",
+                Problem{.path = path,
+                        .message = "is not fit for a file's name",
+                        .given = excerpt(name),
+                        .allowed = "letters, digits, '.', '_' and '-', not '.' first",
+                        .hint = "names, not paths, are used here"});
+}
+
+Store::Store(fs::path folder) : folder_(std::move(folder)) {
+  make_folder(recordings());
+  make_folder(folder_ / "models");
+}
+
+fs::path Store::new_recording(const std::string& given) const {
+  std::string stem = given.substr(0, 60);
+  std::ranges::replace_if(
+      stem, [](char c) { return allowed_in_names.find(c) == std::string_view::npos; }, '-');
+  if (stem.empty() || stem.front() == '.') stem = "run" + stem;
+  const auto base = stem + "_" + utc_stamp();
+  auto path = recordings() / (base + ".h5");
+  for (int i = 2; fs::exists(path); ++i) path = recordings() / (base + "-" + std::to_string(i) + ".h5");
+  return path;
+}
+
+fs::path Store::recording(const std::string& name) const {
+  check_name(name, "/recording");
+  const auto path = recordings() / (without_suffix(name, ".h5") + ".h5");
+  std::error_code failure;
+  if (!fs::is_regular_file(path, failure)) throw_not_found("recording", name, recording_names());
+  return path;
+}
+
+std::vector<std::string> Store::recording_names() const {
+  std::vector<std::pair<fs::file_time_type, std::string>> found;
+  std::error_code failure;
+  for (const auto& entry : fs::directory_iterator(recordings(), failure))
+    if (entry.path().extension() == ".h5" && entry.is_regular_file(failure))
+      found.emplace_back(entry.last_write_time(failure), entry.path().stem().string());
+  std::ranges::sort(found, std::greater{});
+  std::vector<std::string> out;
+  for (auto& [time, name] : found) out.push_back(std::move(name));
+  return out;
+}
+
+std::vector<std::string> Store::model_names() const {
+  auto names = model::model_library_names();
+  std::error_code failure;
+  for (const auto& entry : fs::directory_iterator(folder_ / "models", failure))
+    if (entry.path().extension() == ".json") names.push_back(entry.path().stem().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+nlohmann::json Store::model(const std::string& name) const {
+  if (std::ranges::count(model::model_library_names(), name) > 0)
+    return model::to_json(model::library_model(name));
+  if (std::ranges::count(model_names(), name) == 0) throw_not_found("model", name, model_names());
+  return model::to_json(model::model_from_file(folder_ / "models" / (name + ".json")));
+}
+
+void Store::put_model(const std::string& name, const nlohmann::json& json) const {
+  check_name(name, "/name");
+  const auto model = model::model_from_json(json);
+  if (std::ranges::count(model::model_library_names(), name) > 0)
+    throw Error(
+        ErrorCode::busy, "a shipped model has this name",
+        Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
+  const auto path = folder_ / "models" / (name + ".json");
+  const auto part = path.string() + ".part";
+  std::ofstream(part) << model::to_json(model).dump(2) << '\n';
+  std::error_code failure;
+  fs::rename(part, path, failure);
+  if (failure)
+    throw Error(ErrorCode::io_error, "the model cannot be kept",
+                Problem{.message = failure.message(), .given = path.string()});
+}
+
+std::string default_model_name() {
+  const auto names = model::model_library_names();
+  const std::string usual = "nec-ae0505d08";
+  return std::ranges::count(names, usual) > 0 || names.empty() ? usual : names.front();
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,103 @@
+#include "server/engine/table_runs.h"
+
+#include <filesystem>
+#include <set>
+
+#include "daq/registry.h"
+#include "recordings/file.h"
+#include "server/engine/live.h"
+#include "server/engine/run.h"
+
+namespace ferrobench::server {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Experiment {
+  std::string_view table, protocol, model;
+  std::string_view key;      // of the table, one run for each value; "" for a single run
+  std::string_view setting;  // that takes the value
+};
+constexpr std::array<Experiment, 4> experiments{
+    {{"3.10", "creep-16-holds-spring", "nec-ae0505d08", "", ""},
+     {"3.11", "creep-6-holds-fast", "nec-ae0505d08", "prestress_MPa", "prestress_MPa"},
+     {"3.12", "creep-6-holds-fast", "nec-ae0505d08", "prestress_MPa", "prestress_MPa"},
+     {"3.13", "stage-stroke-against-rate", "mcl-op30", "rate_V_per_s", "rate"}}};
+
+// A folder of its own, gone at the end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    auto name = (fs::temp_directory_path() / "ferrobench-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr)
+      throw Error(ErrorCode::io_error, "no temporary folder can be made", Problem{.given = name});
+    path = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  fs::path path;
+};
+
+}  // namespace
+
+std::vector<RunRequest> table_requests(const std::string& table, const nlohmann::json& model,
+                                       const nlohmann::json& set, std::int64_t seed) {
+  const auto published = recordings::published_table(table);
+  const auto& e = *std::ranges::find(experiments, table, &Experiment::table);
+  RunRequest request{.protocol = std::string(e.protocol),
+                     .model = model.is_null() ? nlohmann::json(std::string(e.model)) : model,
+                     .fast = true,
+                     .seed = seed,
+                     .set = set};
+  if (e.key.empty()) return {request};
+  std::set<double> values;
+  for (const auto& cell : published.cells) values.insert(cell.key(e.key));
+  std::vector<RunRequest> out;
+  for (const double value : values) {
+    auto next = request;
+    next.set[std::string(e.setting)] = value;
+    out.push_back(std::move(next));
+  }
+  return out;
+}
+
+recordings::Comparison run_table(const std::string& table, const std::vector<RunRequest>& requests,
+                                 const Store& store, const std::string& keep) {
+  const TemporaryFolder folder;
+  if (!keep.empty()) fs::create_directories(keep);
+  Hub nobody;
+  nobody.add_topic({.name = "run", .doc = ""});
+  nobody.add_topic({.name = "events", .doc = ""});
+  nobody.add_topic(samples_topic());
+  std::vector<std::unique_ptr<Run>> runs;
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    auto plan = make_plan(requests[i], store);
+    std::shared_ptr<daq::Device> device = daq::open_device(requests[i].device, plan.device_config);
+    const auto name = plan.protocol.name() + "_" + table + "_" + std::to_string(i + 1) + ".h5";
+    runs.push_back(
+        std::make_unique<Run>(RunSetup{.id = name,
+                                       .plan = std::move(plan),
+                                       .device = std::move(device),
+                                       .device_name = requests[i].device,
+                                       .limits = {},
+                                       .path = (keep.empty() ? folder.path : fs::path(keep)) / name,
+                                       .real_time = false},
+                              nobody));
+  }
+  std::vector<recordings::Recording> recorded;
+  for (auto& run : runs) {
+    run->wait();
+    const auto status = run->status();
+    if (status.state != RunState::complete)
+      throw Error(ErrorCode::cancelled, "a run of the table was aborted: " + status.reason);
+    recorded.push_back(recordings::read_recording(status.path));
+  }
+  return compare(recordings::published_table(table), recorded);
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,18 @@
+// The runs behind a published table, on the virtual device.
+#pragma once
+
+#include "recordings/tables/comparison.h"
+#include "server/engine/request.h"
+
+namespace ferrobench::server {
+
+// What to run for "3.10" to "3.13": one run for each prestress or rate in the table. `model` null: the
+// shipped set of the table's specimen. `set` goes to every run and wins. Error(not_found) for another table.
+std::vector<RunRequest> table_requests(const std::string& table, const nlohmann::json& model,
+                                       const nlohmann::json& set, std::int64_t seed);
+
+// Runs them side by side, as fast as possible, and compares. The recordings stay in `keep` ("": nowhere).
+recordings::Comparison run_table(const std::string& table, const std::vector<RunRequest>& requests,
+                                 const Store& store, const std::string& keep);
+
+}  // namespace ferrobench::server

@@ -1,0 +1,95 @@
+#include "daq/registry.h"
+#include "daq/selftest.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::server {
+namespace {
+
+struct DeviceKindRow {
+  std::string name{}, description{};
+  nlohmann::json config{};
+};
+template <class Visitor>
+void describe(Visitor& visit, DeviceKindRow& r) {
+  visit("name", r.name, {.required = true});
+  visit("description", r.description, {});
+  visit("config", r.config, {.doc = "JSON Schema of the configuration"});
+}
+
+struct DeviceList {
+  std::vector<DeviceKindRow> kinds{};
+  std::vector<std::string> open{};
+};
+template <class Visitor>
+void describe(Visitor& visit, DeviceList& l) {
+  visit("kinds", l.kinds, {.required = true});
+  visit("open", l.open, {.required = true, .doc = "ids of the devices that are open"});
+}
+
+struct OpenParams {
+  std::string device = "virtual";
+  nlohmann::json config = nlohmann::json::object();
+};
+template <class Visitor>
+void describe(Visitor& visit, OpenParams& p) {
+  visit("device", p.device, {.required = true, .doc = "a kind of device"});
+  visit("config", p.config, {.doc = "as device.list describes it for this kind"});
+}
+
+struct DeviceParams {
+  std::string device{};
+};
+template <class Visitor>
+void describe(Visitor& visit, DeviceParams& p) {
+  visit("device", p.device, {.required = true, .doc = "id of an open device"});
+}
+
+struct DeviceInfo {
+  std::string device{};
+  nlohmann::json info{};
+};
+template <class Visitor>
+void describe(Visitor& visit, DeviceInfo& d) {
+  visit("device", d.device, {.required = true, .doc = "its id, for run.start"});
+  visit("info", d.info, {.doc = "driver, serial number, ranges, rates"});
+}
+
+DeviceInfo info_of(Engine& engine, const std::string& id) {
+  DeviceInfo out{.device = id, .info = {}};
+  engine.with_device(id, [&](daq::Device& device) { out.info = device.info(); });
+  return out;
+}
+
+}  // namespace
+
+void add_device_methods(Dispatcher& rpc, Engine& engine) {
+  rpc.add<NoParams>(
+      {.name = "device.list", .doc = "The kinds of device there are, and those open."},
+      [&engine](const NoParams&) {
+        DeviceList out{.kinds = {}, .open = engine.open_devices()};
+        for (const auto& kind : daq::device_kinds())
+          out.kinds.push_back({std::string(kind.name), std::string(kind.description), kind.schema()});
+        return out;
+      });
+  rpc.add<OpenParams>(
+      {.name = "device.open",
+       .doc = "Opens a device that keeps its state from run to run.",
+       .role = Role::control},
+      [&engine](const OpenParams& p) { return info_of(engine, engine.open_device(p.device, p.config)); });
+  rpc.add<DeviceParams>({.name = "device.close", .doc = "Closes an open device.", .role = Role::control},
+                        [&engine](const DeviceParams& p) { engine.close_device(p.device); });
+  rpc.add<DeviceParams>({.name = "device.info", .doc = "What an open device says of itself."},
+                        [&engine](const DeviceParams& p) { return info_of(engine, p.device); });
+  rpc.add<DeviceParams>(
+      {.name = "device.selftest",
+       .doc = "Plays a small waveform, with the output looped back to the field monitor, and compares.",
+       .role = Role::control,
+       .result_schema = {{"type", "object"}}},
+      [&engine](const DeviceParams& p) {
+        nlohmann::json report;
+        engine.with_device(p.device, [&](daq::Device& device) { report = to_json(daq::selftest(device)); });
+        return report;
+      });
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,32 @@
+// Every method of the bench, area by area. Each file of this folder holds one area: the structs of its
+// parameters and results, and the rows that it adds to the table.
+//
+// | area      | methods                                                          |
+// | system    | info                                                             |
+// | device    | list open close info selftest                                    |
+// | limits    | get set                                                          |
+// | protocol  | list get schema validate preview                                 |
+// | run       | start status pause resume abort list                             |
+// | recording | list info read report export import annotate delete             |
+// | model     | list get put schema simulate                                     |
+// | job       | status cancel                                                    |
+// | lease     | acquire renew release status                                     |
+// |           | subscribe unsubscribe rpc.discover                               |
+#pragma once
+
+#include "server/engine/engine.h"
+#include "server/rpc/dispatcher.h"
+
+namespace ferrobench::server {
+
+// The table of all methods, with the lease as its gate. Engine and dispatcher must outlive the calls.
+void add_all_methods(Dispatcher& rpc, Engine& engine);
+
+void add_system_methods(Dispatcher& rpc, Engine& engine);  // system, limits, job, lease
+void add_device_methods(Dispatcher& rpc, Engine& engine);
+void add_protocol_methods(Dispatcher& rpc, Engine& engine);
+void add_run_methods(Dispatcher& rpc, Engine& engine);
+void add_recording_methods(Dispatcher& rpc, Engine& engine);
+void add_model_methods(Dispatcher& rpc, Engine& engine);
+
+}  // namespace ferrobench::server

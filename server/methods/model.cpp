@@ -1,0 +1,111 @@
+#include "model/model.h"
+
+#include "recordings/file.h"
+#include "server/engine/simulation.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+struct ModelRow {
+  std::string name{}, title{}, notes{};
+};
+template <class Visitor>
+void describe(Visitor& visit, ModelRow& r) {
+  visit("name", r.name, {.required = true});
+  visit("title", r.title, {});
+  visit("notes", r.notes, {.doc = "how it was obtained"});
+}
+struct ModelList {
+  std::vector<ModelRow> models{};
+  std::string usual{};
+};
+template <class Visitor>
+void describe(Visitor& visit, ModelList& l) {
+  visit("models", l.models, {.required = true});
+  visit("default", l.usual, {.doc = "used where a run names none"});
+}
+struct NameParams {
+  std::string name{};
+};
+template <class Visitor>
+void describe(Visitor& visit, NameParams& p) {
+  visit("name", p.name, {.required = true});
+}
+struct ModelText {
+  json model{};
+};
+template <class Visitor>
+void describe(Visitor& visit, ModelText& m) {
+  visit("model", m.model, {.required = true, .doc = "as JSON; model.schema describes it"});
+}
+struct PutParams {
+  std::string name{};
+  json model{};
+};
+template <class Visitor>
+void describe(Visitor& visit, PutParams& p) {
+  visit("name", p.name, {.required = true});
+  visit("model", p.model, {.required = true, .doc = "as JSON; model.schema describes it"});
+}
+struct SimulateParams {
+  std::string recording{};
+  json model{};
+};
+template <class Visitor>
+void describe(Visitor& visit, SimulateParams& p) {
+  visit("recording", p.recording, {.required = true, .doc = "name of a recording"});
+  visit("model", p.model, {.doc = "name or model; absent: the recording's own"});
+}
+
+json simulate(Engine& engine, const SimulateParams& p, Jobs::Handle& job) {
+  job.say(0, "reading");
+  const auto source = recordings::read_recording(engine.store().recording(p.recording).string());
+  const auto model = p.model.is_null() ? json() : resolve_model(p.model, engine.store());
+  job.check();
+  job.say(0.1, "simulating");
+  const auto simulation = simulate_recording(source, model, p.recording);
+  job.check();
+  job.say(0.9, "writing");
+  const auto path = engine.store().new_recording(p.recording + "-simulated");
+  recordings::write_recording(path.string(), simulation.recording);
+  return {{"recording", path.stem().string()},
+          {"path", path.string()},
+          {"time_error", simulation.time_error},
+          {"quadrature_error", simulation.quadrature_error}};
+}
+
+}  // namespace
+
+void add_model_methods(Dispatcher& rpc, Engine& engine) {
+  rpc.add<NoParams>({.name = "model.list", .doc = "The shipped models and those put here."},
+                    [&engine](const NoParams&) {
+                      ModelList out{.models = {}, .usual = default_model_name()};
+                      for (const auto& name : engine.store().model_names()) {
+                        const auto model = engine.store().model(name);
+                        out.models.push_back({name, model.value("name", name), model.value("notes", "")});
+                      }
+                      return out;
+                    });
+  rpc.add<NameParams>({.name = "model.get", .doc = "A model by name."},
+                      [&engine](const NameParams& p) { return ModelText{engine.store().model(p.name)}; });
+  rpc.add<NoParams>(
+      {.name = "model.schema", .doc = "JSON Schema of a model.", .result_schema = {{"type", "object"}}},
+      [](const NoParams&) { return model::model_schema(); });
+  rpc.add<PutParams>({.name = "model.put", .doc = "Keeps a model under a name.", .role = Role::control},
+                     [&engine](const PutParams& p) { engine.store().put_model(p.name, p.model); });
+  rpc.add<SimulateParams>(
+      {.name = "model.simulate",
+       .doc = "Plays a recording's own program through a model, without noise, into a new recording. A job.",
+       .role = Role::control},
+      [&engine](const SimulateParams& p) {
+        engine.store().recording(p.recording);
+        const auto id = engine.jobs().start(
+            "simulate", [&engine, p](Jobs::Handle& job) { return simulate(engine, p, job); });
+        return engine.jobs().status(id);
+      });
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,177 @@
+#include "daq/guard/check.h"
+#include "daq/registry.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+struct ProtocolRow {
+  std::string name{}, title{}, source{}, notes{}, unit{};
+  json parameters = json::object();
+};
+template <class Visitor>
+void describe(Visitor& visit, ProtocolRow& r) {
+  visit("name", r.name, {.required = true});
+  visit("title", r.title, {});
+  visit("source", r.source, {.doc = "figure or table that shows it"});
+  visit("notes", r.notes, {});
+  visit("unit", r.unit, {.doc = "of levels; rates are in the same per second"});
+  visit("parameters", r.parameters, {.doc = "what run.start may set, with its value"});
+}
+struct ProtocolList {
+  std::vector<ProtocolRow> protocols{};
+};
+template <class Visitor>
+void describe(Visitor& visit, ProtocolList& l) {
+  visit("protocols", l.protocols, {.required = true});
+}
+
+struct NameParams {
+  std::string name{};
+};
+template <class Visitor>
+void describe(Visitor& visit, NameParams& p) {
+  visit("name", p.name, {.required = true});
+}
+struct ProtocolText {
+  json protocol{};
+};
+template <class Visitor>
+void describe(Visitor& visit, ProtocolText& p) {
+  visit("protocol", p.protocol, {.required = true, .doc = "as JSON; protocol.schema describes it"});
+}
+
+struct PreviewParams {
+  RunRequest request{};
+  std::int64_t points = 1000;
+};
+template <class Visitor>
+void describe(Visitor& visit, PreviewParams& p) {
+  visit("protocol", p.request.protocol,
+        {.required = true, .doc = "name of a shipped protocol, or a protocol"});
+  visit("model", p.request.model, {.doc = "as for run.start"});
+  visit("set", p.request.set, {.doc = "as for run.start"});
+  visit("max_points", p.points, {.min = 2, .max = 20000, .doc = "of the decimated waveform"});
+}
+
+struct PreviewSegment {
+  std::string kind{}, label{};
+  double start = 0, end = 0, level = 0, rate = 0;
+};
+template <class Visitor>
+void describe(Visitor& visit, PreviewSegment& s) {
+  visit("kind", s.kind, {});
+  visit("label", s.label, {});
+  visit("start_s", s.start, {.unit = "s"});
+  visit("end_s", s.end, {.unit = "s"});
+  visit("level", s.level, {.unit = "V/m"});
+  visit("rate", s.rate, {.unit = "V/m/s"});
+}
+
+struct Preview {
+  double duration = 0, sample_rate = 0, field_min = 0, field_max = 0, max_slew = 0;
+  std::int64_t samples = 0;
+  std::vector<double> time{}, min{}, max{};
+  std::vector<PreviewSegment> segments{};
+  json problems = json::array();
+};
+template <class Visitor>
+void describe(Visitor& visit, Preview& p) {
+  visit("duration_s", p.duration, {.unit = "s", .required = true});
+  visit("samples", p.samples, {.required = true});
+  visit("sample_rate_Hz", p.sample_rate, {.unit = "Hz", .required = true});
+  visit("field_min", p.field_min, {.unit = "V/m", .required = true});
+  visit("field_max", p.field_max, {.unit = "V/m", .required = true});
+  visit("max_slew", p.max_slew, {.unit = "V/m/s", .required = true});
+  visit("time", p.time, {.unit = "s", .doc = "start of each stretch of the decimated waveform"});
+  visit("min", p.min, {.unit = "V/m"});
+  visit("max", p.max, {.unit = "V/m"});
+  visit("segments", p.segments, {.doc = "the first 1000"});
+  visit("problems", p.problems, {.doc = "limits that the program would pass; run.start would refuse it"});
+}
+
+// Exact extremes of each stretch: a stretch's ends and the corners within it.
+void draw(const protocols::SampledWaveform& program, std::int64_t points, Preview& out) {
+  const std::uint64_t count = program.size();
+  const std::uint64_t bins = std::min<std::uint64_t>(count, static_cast<std::uint64_t>(points));
+  auto corner = program.corners().begin();
+  for (std::uint64_t bin = 0; bin < bins; ++bin) {
+    const std::uint64_t first = bin * (count - 1) / bins;
+    const std::uint64_t last = (bin + 1) * (count - 1) / bins;
+    double low = program.value(first), high = low;
+    const auto add = [&](std::uint64_t sample) {
+      low = std::min(low, program.value(sample));
+      high = std::max(high, program.value(sample));
+    };
+    add(last);
+    while (corner != program.corners().end() && *corner < first) ++corner;
+    for (auto at = corner; at != program.corners().end() && *at <= last; ++at) add(*at);
+    constexpr std::uint64_t inside = 16;  // for sines, which have extremes of their own
+    for (std::uint64_t i = 1; i < inside && last - first > inside; ++i)
+      add(first + i * (last - first) / inside);
+    out.time.push_back(static_cast<double>(first) / program.rate());
+    out.min.push_back(low);
+    out.max.push_back(high);
+  }
+}
+
+Preview preview(const PreviewParams& p, Engine& engine) {
+  auto request = p.request;
+  request.fast = true;
+  const auto plan = make_plan(request, engine.store());
+  const auto device = daq::open_device("virtual", plan.device_config);
+  const protocols::SampledWaveform program(plan.protocol.expand(), device->scan_rate(plan.sample_rate));
+  const auto& waveform = program.waveform();
+  Preview out{.duration = waveform.duration(),
+              .sample_rate = program.rate(),
+              .field_min = waveform.minimum(),
+              .field_max = waveform.maximum(),
+              .max_slew = std::min(program.max_slew(), waveform.max_slew()),
+              .samples = static_cast<std::int64_t>(program.size())};
+  draw(program, p.points, out);
+  for (const auto& s : waveform.segments().first(std::min<std::size_t>(waveform.segments().size(), 1000)))
+    out.segments.push_back({s.kind, s.label, s.start, s.end, s.level, s.rate});
+  for (const auto& problem : daq::check(program, engine.limits())) out.problems.push_back(to_json(problem));
+  return out;
+}
+
+}  // namespace
+
+void add_protocol_methods(Dispatcher& rpc, Engine& engine) {
+  rpc.add<NoParams>({.name = "protocol.list", .doc = "The shipped experiments."}, [](const NoParams&) {
+    ProtocolList out;
+    for (const auto& name : protocols::library_names()) {
+      const auto json = protocols::library_protocol(name).json();
+      out.protocols.push_back({name, json.value("title", name), json.value("source", ""),
+                               json.value("notes", ""), json.value("unit", ""),
+                               json.value("parameters", json::object())});
+    }
+    return out;
+  });
+  rpc.add<NameParams>({.name = "protocol.get", .doc = "A shipped protocol."}, [](const NameParams& p) {
+    return ProtocolText{protocols::library_protocol(p.name).json()};
+  });
+  rpc.add<NoParams>(
+      {.name = "protocol.schema", .doc = "JSON Schema of a protocol.", .result_schema = {{"type", "object"}}},
+      [](const NoParams&) { return protocols::protocol_schema(); });
+  rpc.add<ProtocolText>(
+      {.name = "protocol.validate",
+       .doc = "Every problem of a protocol with its path.",
+       .result_schema = {{"type", "object"},
+                         {"properties",
+                          {{"valid", {{"type", "boolean"}}}, {"problems", {{"type", "array"}}}}}}},
+      [](const ProtocolText& p) {
+        auto problems = json::array();
+        for (const auto& problem : protocols::validate(p.protocol)) problems.push_back(to_json(problem));
+        const bool valid = problems.empty();
+        return json{{"valid", valid}, {"problems", std::move(problems)}};
+      });
+  rpc.add<PreviewParams>(
+      {.name = "protocol.preview",
+       .doc = "What a run on the virtual device would do: its length, extremes and waveform."},
+      [&engine](const PreviewParams& p) { return preview(p, engine); });
+}
+
+}  // namespace ferrobench::server

@@ -1,0 +1,142 @@
+#include "recordings/version.h"
+#include "server/methods/methods.h"
+#include "server/rpc/discover.h"
+#include "server/rpc/subscribe.h"
+
+namespace ferrobench::server {
+namespace {
+
+struct SystemInfo {
+  std::string version{}, commit{}, data_folder{};
+  double uptime = 0;  // s
+  daq::Limits limits{};
+  RunState run_state = RunState::idle;
+};
+template <class Visitor>
+void describe(Visitor& visit, SystemInfo& s) {
+  visit("version", s.version, {.required = true});
+  visit("commit", s.commit, {.required = true});
+  visit("data_folder", s.data_folder, {.doc = "recordings are in \"recordings\" below it"});
+  visit("uptime_s", s.uptime, {.unit = "s"});
+  visit("limits", s.limits, {.doc = "in force"});
+  visit("run_state", s.run_state, {});
+}
+
+struct JobParams {
+  std::string job{};
+};
+template <class Visitor>
+void describe(Visitor& visit, JobParams& p) {
+  visit("job", p.job, {.required = true, .doc = "id of a job or a run"});
+}
+
+struct LeaseParams {
+  std::string lease{};
+  double seconds = 60;
+};
+template <class Visitor>
+void describe(Visitor& visit, LeaseParams& p) {
+  visit("lease", p.lease, {.doc = "\"\": the one of this connection"});
+  visit("duration_s", p.seconds, {.unit = "s", .min = 1, .max = 3600, .doc = "how long without renewal"});
+}
+
+struct AcquireParams {
+  double seconds = 60;
+};
+template <class Visitor>
+void describe(Visitor& visit, AcquireParams& p) {
+  visit("duration_s", p.seconds, {.unit = "s", .min = 1, .max = 3600, .doc = "how long without renewal"});
+}
+
+JobStatus as_job(const RunStatus& run) {
+  JobStatus job{.job = run.run,
+                .kind = "run",
+                .progress = run.progress,
+                .stage = write_json(run.state).get<std::string>(),
+                .time_left = run.time_left,
+                .estimated_end = moment_in(run.time_left)};
+  if (run.state == RunState::complete) {
+    job.state = JobState::complete;
+    job.result = write_json(run);
+  } else if (run.state == RunState::aborted) {
+    job.state = JobState::cancelled;
+    job.error = {{"name", entry(ErrorCode::cancelled).name}, {"message", run.reason}};
+  }
+  return job;
+}
+
+void add_jobs(Dispatcher& rpc, Engine& engine) {
+  rpc.add<JobParams>(
+      {.name = "job.status", .doc = "How far a job is, and its result. Every run is a job as well."},
+      [&engine](const JobParams& p) {
+        return engine.jobs().knows(p.job) ? engine.jobs().status(p.job) : as_job(engine.status(p.job));
+      });
+  rpc.add<JobParams>(
+      {.name = "job.cancel", .doc = "Cancels a job; a run stops safely.", .role = Role::control},
+      [&engine](const JobParams& p) {
+        if (engine.jobs().knows(p.job)) {
+          engine.jobs().cancel(p.job);
+          return engine.jobs().status(p.job);
+        }
+        engine.abort(p.job, "cancelled by a client");
+        return as_job(engine.status(p.job));
+      });
+}
+
+void add_leases(Dispatcher& rpc, Engine& engine) {
+  rpc.add<AcquireParams>(
+      {.name = "lease.acquire",
+       .doc = "Makes the caller the only one who may control. By HTTP, present it as Ferrobench-Lease."},
+      [&engine](const AcquireParams& p, CallContext& caller) {
+        return engine.lease().acquire(caller, p.seconds);
+      });
+  rpc.add<LeaseParams>({.name = "lease.renew", .doc = "Keeps the lease for another while."},
+                       [&engine](const LeaseParams& p, CallContext& caller) {
+                         return engine.lease().renew(caller, p.lease, p.seconds);
+                       });
+  rpc.add<LeaseParams>(
+      {.name = "lease.release", .doc = "Gives the lease back."},
+      [&engine](const LeaseParams& p, CallContext& caller) { engine.lease().release(caller, p.lease); });
+  rpc.add<NoParams>({.name = "lease.status", .doc = "Who controls, if anybody."},
+                    [&engine](const NoParams&) { return engine.lease().status(); });
+}
+
+}  // namespace
+
+void add_system_methods(Dispatcher& rpc, Engine& engine) {
+  rpc.add<NoParams>({.name = "system.info", .doc = "Versions, uptime and the limits in force."},
+                    [&engine](const NoParams&) {
+                      return SystemInfo{.version = std::string(recordings::software_version()),
+                                        .commit = std::string(recordings::software_commit()),
+                                        .data_folder = engine.store().folder().string(),
+                                        .uptime = engine.uptime(),
+                                        .limits = engine.limits(),
+                                        .run_state = engine.status().state};
+                    });
+  rpc.add<NoParams>({.name = "limits.get", .doc = "What the guard lets pass."},
+                    [&engine](const NoParams&) { return engine.limits(); });
+  rpc.add<daq::Limits>({.name = "limits.set",
+                        .doc = "Sets the limits; those not named take their defaults. Not during a run.",
+                        .role = Role::control},
+                       [&engine](const daq::Limits& limits) {
+                         engine.set_limits(limits);
+                         return engine.limits();
+                       });
+  add_jobs(rpc, engine);
+  add_leases(rpc, engine);
+}
+
+void add_all_methods(Dispatcher& rpc, Engine& engine) {
+  add_system_methods(rpc, engine);
+  add_device_methods(rpc, engine);
+  add_protocol_methods(rpc, engine);
+  add_run_methods(rpc, engine);
+  add_recording_methods(rpc, engine);
+  add_model_methods(rpc, engine);
+  add_subscription_methods(rpc, engine.hub());
+  add_discovery(rpc, engine.hub(), std::string(recordings::software_version()));
+  rpc.set_gate(
+      [&engine](const Method& method, const CallContext& caller) { engine.lease().demand(method, caller); });
+}
+
+}  // namespace ferrobench::server
