@@ -10,7 +10,7 @@ const patience = 20_000;
 // {address, token, stop()}; the daemon prints the page's address with the token in it.
 export async function startDaemon(program) {
   const folder = await mkdtemp(join(tmpdir(), "ferrobench-page-"));
-  const child = spawn(program, ["--data", folder, "serve", "--port", "0"], { stdio: ["ignore", "pipe", "pipe"] });
+  const child = spawn(program, ["--data", folder, "serve", "--port", "0", "--token-file", join(folder, "token")], { stdio: ["ignore", "pipe", "pipe"] });
   const said = [];
   const ended = new Promise((resolve) => child.once("close", resolve));
   const stop = async () => {

@@ -1,0 +1,176 @@
+#include "server/cli/cli.h"
+
+#include <fstream>
+#include <sstream>
+
+#include "engine_bench.h"
+
+namespace ferrobench::cli {
+namespace {
+
+using server::Folder;
+
+struct Said {
+  int code = 0;
+  std::string out, err;
+};
+
+// The program in this process, with a data folder of its own.
+class Cli : public testing::Test {
+ protected:
+  Said run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"ferrobench", "--data", folder.path.string()});
+    std::vector<const char*> argv;
+    for (const auto& a : arguments) argv.push_back(a.c_str());
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    Said said;
+    said.code = run_program(static_cast<int>(argv.size()), argv.data());
+    said.out = testing::internal::GetCapturedStdout();
+    said.err = testing::internal::GetCapturedStderr();
+    return said;
+  }
+  std::string file(const std::string& name) const { return (folder.path / name).string(); }
+  std::string protocol() const {
+    std::ofstream(file("trapezium.json")) << server::trapezium(0.2, 0.5).dump();
+    return file("trapezium.json");
+  }
+
+  Folder folder;
+};
+
+TEST_F(Cli, HelpNamesEveryOptionOfTheFixedForms) {
+  const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> wanted{
+      {{},
+       {"--data", "--socket", "--version", "serve", "run", "list", "report", "table", "simulate", "protocol",
+        "model", "call", "export", "Exit codes"}},
+      {{"run"},
+       {"PROTOCOL", "--device", "--model", "--fast", "--seed", "--out", "FILE.h5", "--set", "KEY=VALUE",
+        "--force", "--notes", "--quiet", "Ctrl-C"}},
+      {{"simulate"}, {"RECORDING", "--model", "--out", "OUT.h5"}},
+      {{"report"}, {"RECORDING", "--format", "text", "md", "csv", "json", "html", "--out"}},
+      {{"table"}, {"3.10", "3.11", "3.12", "3.13", "--format", "--model", "--set", "--seed", "--keep"}},
+      {{"call"}, {"METHOD", "JSON"}},
+      {{"serve"}, {"--port", "--address", "--allow-remote", "--host", "--token-file"}},
+      {{"list"}, {"--format"}},
+      {{"export"}, {"RECORDING", "--format", "--out"}},
+      {{"protocol"}, {"list", "show", "schema", "validate", "preview"}},
+      {{"protocol", "preview"}, {"PROTOCOL", "--model", "--set"}},
+      {{"model"}, {"list", "show", "schema"}}};
+  for (const auto& [command, words] : wanted) {
+    const auto help = help_of(command);
+    for (const auto& word : words)
+      EXPECT_NE(help.find(word), std::string::npos)
+          << word << " is missing in the help of " << (command.empty() ? "ferrobench" : command.back());
+  }
+}
+
+TEST_F(Cli, WrongUsageIsTwo) {
+  EXPECT_EQ(run({}).code, exit_usage);
+  EXPECT_EQ(run({"rum"}).code, exit_usage);
+  EXPECT_EQ(run({"run"}).code, exit_usage);
+  EXPECT_EQ(run({"run", "full-loops", "--fats"}).code, exit_usage);
+  EXPECT_EQ(run({"table", "3.14"}).code, exit_usage);
+  EXPECT_EQ(run({"report", "x.h5", "--format", "docx"}).code, exit_usage);
+  EXPECT_EQ(run({"run", "--help"}).code, exit_ok);
+}
+
+TEST_F(Cli, ErrorsSayWhatToDo) {
+  auto said = run({"run", "creep-6-holds-fats", "--fast", "--model", "soft-pzt"});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NE(said.err.find("creep-6-holds-fast"), std::string::npos) << said.err;
+  said = run({"run", protocol(), "--fast", "--model", "soft-pzt", "--set", "prestres_MPa=4"});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NE(said.err.find("did you mean \"prestress_MPa\""), std::string::npos) << said.err;
+  said = run({"run", protocol(), "--fast", "--set", "top"});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NE(said.err.find("KEY=VALUE"), std::string::npos) << said.err;
+  EXPECT_EQ(run({"report", file("none.h5")}).code, exit_error);
+  said = run({"call", "system.info"});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NE(said.err.find("ferrobench serve"), std::string::npos) << said.err;
+  EXPECT_TRUE(run({"list"}).out.empty());  // none of these left a recording
+}
+
+TEST_F(Cli, RunReportExportSimulate) {
+  const auto out = file("a.h5");
+  auto said = run({"run", protocol(), "--device", "virtual", "--model", "soft-pzt", "--fast", "--seed", "5",
+                   "--out", out, "--set", "top=0.8", "--set", "prestress_MPa=4"});
+  ASSERT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_EQ(said.out, out + "\n");
+  said = run({"run", protocol(), "--model", "soft-pzt", "--fast", "--out", out});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NE(said.err.find("--force"), std::string::npos) << said.err;
+
+  ASSERT_EQ(run({"run", protocol(), "--model", "soft-pzt", "--fast", "--seed", "5", "--out", file("b.h5"),
+                 "--set", "top=0.8", "--set", "prestress_MPa=4"})
+                .code,
+            exit_ok);
+  const auto a = recordings::read_recording(out), b = recordings::read_recording(file("b.h5"));
+  for (const auto channel : recordings::all_channels) EXPECT_EQ(a.at(channel), b.at(channel));
+
+  for (const std::string format : {"text", "md", "csv", "json", "html"}) {
+    said = run({"report", out, "--format", format});
+    EXPECT_EQ(said.code, exit_ok) << said.err;
+    EXPECT_GT(said.out.size(), 200u) << format;
+  }
+  said = run({"export", out, "--out", file("a.csv")});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  std::ifstream csv(file("a.csv"));
+  std::size_t lines = 0;
+  for (std::string line; std::getline(csv, line);) ++lines;
+  EXPECT_EQ(lines, a.size() + 1);
+
+  said = run({"simulate", out, "--out", file("s.h5")});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_NE(said.err.find("Estimated errors"), std::string::npos) << said.err;
+  const auto s = recordings::read_recording(file("s.h5"));
+  EXPECT_EQ(s.size(), a.size());
+  EXPECT_EQ(s.header.load.prestress, 4e6);
+}
+
+TEST_F(Cli, RunsATableOfTimeAndLevel) {
+  std::ofstream(file("steps.csv")) << "time,level\n0,0\n0.5,1\n1,1\n1.5,0\n";
+  const auto said = run({"run", file("steps.csv"), "--model", "soft-pzt", "--fast"});
+  ASSERT_EQ(said.code, exit_ok) << said.err;
+  const auto r = recordings::read_recording(said.out.substr(0, said.out.size() - 1));
+  EXPECT_EQ(r.header.protocol["name"], "steps");
+  EXPECT_DOUBLE_EQ(*std::ranges::max_element(r.at(recordings::Channel::command)), 1e6);
+  EXPECT_NE(run({"list"}).out.find("steps_"), std::string::npos);
+}
+
+TEST_F(Cli, TablesCompareEveryCell) {
+  const auto said = run({"table", "3.13", "--model", "soft-pzt", "--format", "json"});
+  ASSERT_EQ(said.code, exit_ok) << said.err;
+  const auto table = nlohmann::json::parse(said.out);
+  EXPECT_EQ(table["table"], "3.13");
+  ASSERT_EQ(table["cells"].size(), 4u);
+  for (const auto& cell : table["cells"]) {
+    EXPECT_EQ(cell["quantity"], "max_stroke_um");
+    EXPECT_TRUE(cell.contains("rate_V_per_s"));
+    EXPECT_GT(cell["measured"].get<double>(), 0);
+    EXPECT_GT(cell["published"].get<double>(), 30);
+  }
+  EXPECT_GT(table["rms_log_error"]["max_stroke_um"].get<double>(), 0);
+}
+
+TEST_F(Cli, LibraryAndSchemas) {
+  EXPECT_NE(run({"protocol", "list"}).out.find("full-loops"), std::string::npos);
+  EXPECT_NE(run({"model", "list"}).out.find("soft-pzt"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(run({"protocol", "show", "full-loops"}).out)["name"], "full-loops");
+  EXPECT_EQ(nlohmann::json::parse(run({"model", "show", "soft-pzt"}).out)["format"], "ferrobench-model");
+  EXPECT_TRUE(nlohmann::json::parse(run({"protocol", "schema"}).out).contains("$schema"));
+  EXPECT_TRUE(nlohmann::json::parse(run({"model", "schema"}).out).contains("$schema"));
+  EXPECT_EQ(run({"protocol", "validate", protocol()}).code, exit_ok);
+  std::ofstream(file("bad.json"))
+      << R"({"format": "ferrobench-protocol", "version": 1, "segments": [{"kind": "rmap"}]})";
+  const auto said = run({"protocol", "validate", file("bad.json")});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NE(said.err.find("/segments/0"), std::string::npos) << said.err;
+  EXPECT_EQ(run({"protocol", "preview", protocol(), "--model", "soft-pzt"}).code, exit_ok);
+  EXPECT_EQ(run({"protocol", "preview", protocol(), "--model", "soft-pzt", "--set", "top=3"}).code,
+            exit_error);
+}
+
+}  // namespace
+}  // namespace ferrobench::cli

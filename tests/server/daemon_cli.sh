@@ -1,0 +1,35 @@
+#!/bin/sh
+# The command line against a running daemon (see daemon_test.sh): runs go through it, and Ctrl-C is a safe stop.
+#   sh daemon_cli.sh PROGRAM
+set -eu
+program=$1
+fail() { echo "FAILED: $1" >&2; exit 1; }
+
+path=$("$program" run stage-full-range --model soft-pzt --fast --quiet)
+[ -f "$path" ] || fail "no recording at $path"
+"$program" call run.status | grep -q '"state": "complete"' || fail "the daemon did not run it"
+"$program" list | grep -q "stage-full-range" || fail "the list does not name it"
+
+"$program" run stage-full-range --model soft-pzt --fast --quiet --out "$DATA/copy.h5" >/dev/null
+"$program" report "$DATA/copy.h5" --format json | grep -q '"stroke"' || fail "the copy cannot be reported"
+
+# In real time; interrupted, it must be over soon, with the output at zero, and say so by its exit code.
+# A command that a script puts into the background ignores SIGINT; SIGTERM is the same safe stop.
+"$program" run creep-6-holds-fast --model soft-pzt --quiet 2>"$DATA/said" >/dev/null &
+run=$!
+tries=0
+until "$program" call run.status | grep -q '"state": "running"'; do
+  tries=$((tries + 1))
+  [ "$tries" -lt 100 ] || fail "the run did not start"
+  sleep 0.1
+done
+kill -TERM "$run"
+sleep 0.2
+kill -TERM "$run"
+code=0
+wait "$run" || code=$?
+[ "$code" = 130 ] || fail "the exit code was $code"
+"$program" call run.status >"$DATA/status"
+grep -q '"state": "aborted"' "$DATA/status" || fail "the run was not aborted"
+grep -q '"output_at_zero": true' "$DATA/status" || fail "the output is not at zero"
+echo "the command line works through the daemon"

@@ -1,0 +1,238 @@
+// The parts of the engine that need no run: settings, the lease, jobs, live samples, the sink, CSV.
+#include <cmath>
+#include <sstream>
+
+#include "engine_bench.h"
+#include "server/engine/live.h"
+#include "server/engine/sink.h"
+#include "server/engine/text_table.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+using recordings::Channel;
+
+std::vector<Problem> problems_of(const std::function<void()>& act) {
+  try {
+    act();
+  } catch (const Error& error) {
+    return error.problems();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return {};
+}
+
+TEST_F(EngineTest, SettingsReachProtocolLoadModelAndDevice) {
+  auto asked = request(trapezium(1, 1), true);
+  asked.set = {{"top", 0.7},
+               {"spring_stiffness_N_per_m", 5.9e6},
+               {"model.material.barrier", 4e4},
+               {"sample_rate_Hz", 77},
+               {"device.force.noise", 0.5}};
+  const auto plan = make_plan(asked, engine.store());
+  EXPECT_EQ(plan.protocol.parameters().at("top"), 0.7);
+  EXPECT_EQ(plan.model["load"]["spring_stiffness"], 5.9e6);
+  EXPECT_EQ(plan.model["material"]["barrier"], 4e4);
+  EXPECT_EQ(plan.sample_rate, 77);
+  EXPECT_EQ(plan.device_config["force"]["noise"], 0.5);
+  EXPECT_EQ(plan.device_config["clock"], "fast");
+}
+
+TEST_F(EngineTest, TheLoadIsTheSetOneElseTheProtocolsElseTheModels) {
+  auto asked = request(trapezium(1, 1), true);
+  EXPECT_EQ(make_plan(asked, engine.store()).model["load"]["prestress"], 8e6);
+  asked.protocol["load"] = {{"prestress_Pa", 3e6}};
+  EXPECT_EQ(make_plan(asked, engine.store()).model["load"]["prestress"], 3e6);
+  asked.set = {{"prestress_MPa", 2}};
+  EXPECT_EQ(make_plan(asked, engine.store()).model["load"]["prestress"], 2e6);
+}
+
+TEST_F(EngineTest, VoltsActOnTheSpecimensOwnLayers) {
+  auto protocol = trapezium(1, 1);
+  protocol["unit"] = "V";
+  protocol["layer_thickness_m"] = 1e-4;
+  auto asked = request(protocol, true);
+  asked.set = {{"top", 50}, {"model.actuator.layer_thickness", 5e-5}};
+  EXPECT_DOUBLE_EQ(make_plan(asked, engine.store()).protocol.expand().maximum(), 1e6);
+}
+
+TEST_F(EngineTest, AMistypedSettingIsExplained) {
+  auto asked = request(trapezium(1, 1), true);
+  for (const auto& [typo, meant] : std::vector<std::pair<std::string, std::string>>{
+           {"prestress_MpA", "prestress_MPa"},
+           {"toq", "top"},
+           {"model.material.barier", "model.material.barrier"}}) {
+    asked.set = {{typo, 1}};
+    const auto problems = problems_of([&] { make_plan(asked, engine.store()); });
+    ASSERT_EQ(problems.size(), 1u);
+    EXPECT_NE(problems[0].hint.find("\"" + meant + "\""), std::string::npos) << problems[0].hint;
+    EXPECT_GT(problems[0].allowed.size(), 5u);
+  }
+  asked.set = {{"top", "high"}};
+  EXPECT_EQ(problems_of([&] { make_plan(asked, engine.store()); }).at(0).path, "/set/top");
+}
+
+TEST_F(EngineTest, NamesFromOutsideStayInTheFolder) {
+  for (const auto* name : {"../token", "/etc/passwd", "", ".hidden", "a/b", "a\nb"})
+    EXPECT_EQ(code_of([&] { (void)engine.store().recording(name); }), ErrorCode::invalid_params) << name;
+  EXPECT_EQ(code_of([&] { (void)engine.store().recording("none"); }), ErrorCode::not_found);
+  EXPECT_EQ(code_of([&] { engine.store().put_model("../x", engine.store().model("soft-pzt")); }),
+            ErrorCode::invalid_params);
+}
+
+TEST_F(EngineTest, ModelsPutAreKept) {
+  auto model = engine.store().model("soft-pzt");
+  EXPECT_EQ(code_of([&] { engine.store().put_model("soft-pzt", model); }), ErrorCode::busy);
+  model["material"]["barrier"] = 3e4;
+  engine.store().put_model("mine", model);
+  EXPECT_EQ(engine.store().model("mine")["material"]["barrier"], 3e4);
+  model["material"]["barier"] = 3e4;
+  EXPECT_EQ(code_of([&] { engine.store().put_model("mine", model); }), ErrorCode::bad_model);
+}
+
+TEST_F(EngineTest, TheLeaseIsTheGate) {
+  Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  CallContext one{.client = "one", .lease = "", .subscriber = nullptr}, two = one;
+  two.client = "two";
+  const json limits = rpc.call("limits.get", nullptr, one);
+  EXPECT_NO_THROW(rpc.call("limits.set", limits, two));  // nobody holds it
+  const auto held = rpc.call("lease.acquire", {{"duration_s", 60}}, one);
+  EXPECT_NO_THROW(rpc.call("limits.set", limits, one));
+  EXPECT_EQ(code_of([&] { rpc.call("limits.set", limits, two); }), ErrorCode::not_controller);
+  EXPECT_EQ(code_of([&] { rpc.call("lease.acquire", nullptr, two); }), ErrorCode::not_controller);
+  EXPECT_NO_THROW(rpc.call("run.status", nullptr, two));
+  EXPECT_EQ(rpc.call("lease.status", nullptr, two)["holder"], "one");
+  EXPECT_EQ(rpc.call("lease.status", nullptr, two)["lease"], "");
+  // Whoever shows the lease has it, on whatever connection.
+  rpc.call("lease.renew", {{"lease", held["lease"]}}, two);
+  EXPECT_NO_THROW(rpc.call("limits.set", limits, two));
+  rpc.call("lease.release", nullptr, two);
+  CallContext three{.client = "three", .lease = "", .subscriber = nullptr};
+  EXPECT_NO_THROW(rpc.call("limits.set", limits, three));
+}
+
+TEST(Lease, RunsOut) {
+  Lease lease;
+  CallContext one{.client = "one", .lease = "", .subscriber = nullptr}, two = one;
+  lease.acquire(one, 0.05);
+  EXPECT_EQ(code_of([&] { lease.acquire(two, 1); }), ErrorCode::not_controller);
+  usleep(80'000);
+  EXPECT_EQ(lease.status().holder, "");
+  EXPECT_NO_THROW(lease.acquire(two, 1));
+  EXPECT_EQ(code_of([&] { lease.renew(one, "", 1); }), ErrorCode::not_controller);
+}
+
+TEST_F(EngineTest, JobsTellHowTheyEnded) {
+  auto& jobs = engine.jobs();
+  const auto await_end = [&](const std::string& id) {
+    for (int i = 0; i < 1000 && jobs.status(id).state == JobState::running; ++i) usleep(2000);
+    return jobs.status(id);
+  };
+  const auto good = jobs.start("simulate", [](Jobs::Handle& job) {
+    job.say(0.5, "half");
+    return json{{"answer", 42}};
+  });
+  EXPECT_EQ(await_end(good).result["answer"], 42);
+  EXPECT_EQ(jobs.status(good).progress, 1);
+  const auto bad =
+      jobs.start("simulate", [](Jobs::Handle&) -> json { throw Error(ErrorCode::numerical, "it diverged"); });
+  EXPECT_EQ(await_end(bad).state, JobState::failed);
+  EXPECT_EQ(jobs.status(bad).error["name"], "numerical");
+  const auto endless = jobs.start("fit", [](Jobs::Handle& job) -> json {
+    for (;; usleep(1000)) job.check();
+  });
+  jobs.cancel(endless);
+  EXPECT_EQ(await_end(endless).state, JobState::cancelled);
+  EXPECT_EQ(code_of([&] { jobs.status("job-99"); }), ErrorCode::not_found);
+}
+
+TEST(Live, MergingKeepsExtremesAndStaysSmall) {
+  std::vector<double> time(5000), field(5000);
+  for (std::size_t i = 0; i < time.size(); ++i) {
+    time[i] = static_cast<double>(i);
+    field[i] = std::sin(0.01 * static_cast<double>(i));
+  }
+  field[1234] = 7;
+  field[2345] = NAN;
+  json held;
+  for (std::size_t first = 0; first < time.size(); first += 100) {
+    recordings::Rows rows{.time = std::span(time).subspan(first, 100), .channels = {}, .counts = {}};
+    rows.channels[static_cast<std::size_t>(Channel::field)] = std::span(field).subspan(first, 100);
+    json next{{"run", "r"}, {"columns", decimate(rows, 20)}};
+    if (held.is_null()) {
+      held = next;
+    } else {
+      merge_samples(held, next);
+    }
+  }
+  const auto& columns = held["columns"];
+  EXPECT_LE(columns["time"].size(), max_bins);
+  EXPECT_GE(columns["time"].size(), max_bins / 4);
+  EXPECT_EQ(columns["field"]["max"].size(), columns["time"].size());
+  double high = -9;
+  for (const auto& v : columns["field"]["max"]) high = std::max(high, v.get<double>());
+  EXPECT_EQ(high, 7);
+  EXPECT_EQ(columns["time"][0], 0);
+  EXPECT_EQ(columns["field"]["first"][0], 0);
+}
+
+TEST(Sink, LostRowsAreNotANumber) {
+  const Folder folder;
+  Hub hub;
+  hub.add_topic(samples_topic());
+  hub.add_topic({.name = "events", .doc = ""});
+  recordings::Header header;
+  header.specimen = {"s", 0.01, 1e-4, 1e-4, 10};
+  const auto path = (folder.path / "gap.h5").string();
+  Sink sink(path, header, {{Channel::field, 2.0, 1.0}}, 10, hub, "r");
+  daq::SampleBlock block;
+  block.rows = 2;
+  block.counts = {1, 2};
+  block.command = {0, 1};
+  sink.take(block);
+  block.first_sample = 5;
+  block.events = {{0.2, "gap", "3 rows were lost"}};
+  sink.take(block);
+  EXPECT_TRUE(sink.finish("complete", "", {}, {}));
+  const auto r = recordings::read_recording(path);
+  ASSERT_EQ(r.size(), 7u);
+  const auto& field = r.at(Channel::field);
+  EXPECT_EQ(field[1], 5);
+  for (const std::size_t lost : {2, 3, 4}) EXPECT_TRUE(std::isnan(field[lost]));
+  EXPECT_EQ(field[6], 5);
+  EXPECT_DOUBLE_EQ(r.time[6], 0.6);
+  ASSERT_EQ(r.events.size(), 1u);
+}
+
+TEST(TextTable, CsvComesBackAsARecording) {
+  recordings::Recording r;
+  r.time = {0, 0.1, 0.2, 0.3};
+  r.set(Channel::field) = {0, 1e5, 2e5, 1e5};
+  r.set(Channel::displacement) = {0, 1e-7, NAN, 1.0 / 3e6};
+  std::ostringstream text;
+  write_csv(r, text);
+  CsvImport import;
+  import.csv = text.str();
+  import.time.column = "time_s";
+  import.field = ColumnMap{.column = "field_V_per_m"};
+  import.displacement = ColumnMap{.column = "displacement_m", .scale = 2};
+  import.length = import.area = import.layer_thickness = 1e-4;
+  const auto back = read_csv(import);
+  EXPECT_EQ(back.time, r.time);
+  EXPECT_EQ(back.at(Channel::field), r.at(Channel::field));
+  EXPECT_EQ(back.at(Channel::displacement)[3], 2 / 3e6);
+  EXPECT_TRUE(std::isnan(back.at(Channel::displacement)[2]));
+  EXPECT_FALSE(back.has(Channel::charge));
+
+  import.force = ColumnMap{.column = "force_lbf"};
+  import.csv += "0.3,x,0\n";
+  const auto problems = problems_of([&] { read_csv(import); });
+  ASSERT_EQ(problems.size(), 3u);  // no such column, no number, time does not rise
+  EXPECT_EQ(problems[0].path, "/force/column");
+}
+
+}  // namespace
+}  // namespace ferrobench::server

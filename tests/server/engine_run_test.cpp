@@ -1,0 +1,191 @@
+#include <cmath>
+
+#include "engine_bench.h"
+#include "server/engine/simulation.h"
+
+namespace ferrobench::server {
+namespace {
+
+using recordings::Channel;
+
+TEST_F(EngineTest, IsIdleBeforeItsFirstRun) {
+  EXPECT_EQ(engine.status().state, RunState::idle);
+  EXPECT_TRUE(engine.status().output_at_zero);
+}
+
+TEST_F(EngineTest, RecordsAWholeRun) {
+  auto asked = request(trapezium(0.5, 1), true);
+  asked.notes = "first try";
+  asked.seed = 7;
+  asked.set = {{"top", 1.0}, {"prestress_MPa", 4}};
+  const auto status = finish(asked);
+  ASSERT_EQ(status.state, RunState::complete) << status.reason;
+  EXPECT_TRUE(status.output_at_zero);
+  EXPECT_EQ(status.progress, 1);
+
+  const auto r = recordings::read_recording(status.path);
+  EXPECT_EQ(r.status, "complete");
+  EXPECT_EQ(r.size(), 401u);
+  EXPECT_EQ(static_cast<std::int64_t>(r.size()), status.rows);
+  EXPECT_EQ(r.header.run_seed, 7);
+  EXPECT_EQ(r.header.load.prestress, 4e6);
+  EXPECT_EQ(r.header.model["load"]["prestress"], 4e6);
+  EXPECT_EQ(r.header.protocol["parameters"]["top"], 1.0);
+  EXPECT_DOUBLE_EQ(*std::ranges::max_element(r.at(Channel::command)), 1e6);
+  EXPECT_EQ(r.at(Channel::command).back(), 0);
+  ASSERT_EQ(r.segments.size(), 3u);
+  EXPECT_EQ(r.segments[1].label, "the hold");
+  EXPECT_EQ(r.segments[1].end_sample - r.segments[1].start_sample, 200);
+  ASSERT_FALSE(r.events.empty());
+  EXPECT_EQ(r.events[0].message, "first try");
+  // Scaled values are what the raw counts say.
+  ASSERT_TRUE(r.raw);
+  const auto& column = r.raw->columns[0];
+  EXPECT_DOUBLE_EQ(r.at(column.channel)[10],
+                   column.offset + column.gain * r.raw->counts[10 * r.raw->columns.size()]);
+}
+
+TEST_F(EngineTest, SameSeedSameSignals) {
+  auto asked = request(trapezium(0.2, 0.5), true);
+  const auto first = recordings::read_recording(finish(asked).path);
+  const auto second = recordings::read_recording(finish(asked).path);
+  asked.seed = 2;
+  const auto third = recordings::read_recording(finish(asked).path);
+  EXPECT_EQ(first.raw->counts, second.raw->counts);
+  for (const auto channel : recordings::all_channels) EXPECT_EQ(first.at(channel), second.at(channel));
+  EXPECT_NE(first.raw->counts, third.raw->counts);
+  EXPECT_NE(first.header.entry_identifier, second.header.entry_identifier);
+}
+
+TEST_F(EngineTest, APauseInARampWaitsForTheHold) {
+  engine.start(request(trapezium(0.6, 0.2), false));
+  await({RunState::running});
+  engine.pause("");
+  EXPECT_EQ(engine.status().state, RunState::pausing);
+  await({RunState::paused});
+  usleep(300'000);
+  EXPECT_EQ(engine.status().state, RunState::paused);
+  engine.resume("");
+  const auto status = await({RunState::complete, RunState::aborted});
+  ASSERT_EQ(status.state, RunState::complete) << status.reason;
+
+  const auto r = recordings::read_recording(status.path);
+  ASSERT_EQ(r.segments.size(), 3u);
+  EXPECT_GT(r.segments[1].end_sample - r.segments[1].start_sample, 40 + 40);
+  std::vector<std::string> kinds;
+  for (const auto& event : r.events) kinds.push_back(event.kind);
+  EXPECT_EQ(std::ranges::count(kinds, "pause"), 1);
+  EXPECT_EQ(std::ranges::count(kinds, "resume"), 1);
+  EXPECT_GE(r.events[0].time, 0.6 - 1e-9);
+  EXPECT_EQ(code_of([&] { engine.pause(""); }), ErrorCode::bad_state);
+}
+
+TEST_F(EngineTest, AbortIsASafeStop) {
+  engine.start(request(trapezium(0.4, 30), false));
+  await({RunState::running});
+  usleep(600'000);
+  engine.abort("", "enough");
+  const auto status = await({RunState::complete, RunState::aborted});
+  EXPECT_EQ(status.state, RunState::aborted);
+  EXPECT_EQ(status.reason, "enough");
+  EXPECT_TRUE(status.output_at_zero);
+  const auto r = recordings::read_recording(status.path);
+  EXPECT_EQ(r.status, "aborted");
+  EXPECT_EQ(r.reason, "enough");
+  EXPECT_EQ(r.at(Channel::command).back(), 0);
+  EXPECT_EQ(r.segments.back().label, "safe stop");
+  EXPECT_EQ(code_of([&] { engine.abort("", "again"); }), ErrorCode::bad_state);
+}
+
+TEST_F(EngineTest, ShuttingDownStopsARunSafely) {
+  std::string path;
+  {
+    Hub other;
+    const Folder elsewhere;
+    Engine second(elsewhere.path, other);
+    path = folder.path / "left.h5";
+    second.start(request(trapezium(0.4, 30), false), path);
+    usleep(700'000);
+  }
+  const auto r = recordings::read_recording(path);
+  EXPECT_EQ(r.status, "aborted");
+  EXPECT_EQ(r.at(Channel::command).back(), 0);
+}
+
+TEST_F(EngineTest, RefusesBeforeAnythingMoves) {
+  auto asked = request(trapezium(0.5, 1), true);
+  asked.set = {{"top", 5}};
+  EXPECT_EQ(code_of([&] { engine.start(asked); }), ErrorCode::limit_exceeded);
+  asked.set = {{"sample_rate_Hz", 1e7}};
+  EXPECT_EQ(code_of([&] { engine.start(asked); }), ErrorCode::invalid_params);
+  asked.set = {{"sample_rate_Hz", -1}};
+  EXPECT_EQ(code_of([&] { engine.start(asked); }), ErrorCode::invalid_params);
+  EXPECT_TRUE(engine.store().recording_names().empty());
+  EXPECT_EQ(engine.status().state, RunState::idle);
+}
+
+TEST_F(EngineTest, LimitsHoldForTheNextRun) {
+  auto limits = engine.limits();
+  limits.field_max = 0.4e6;
+  engine.set_limits(limits);
+  EXPECT_EQ(code_of([&] { engine.start(request(trapezium(0.5, 1), true)); }), ErrorCode::limit_exceeded);
+  limits.field_max = -1;
+  EXPECT_EQ(code_of([&] { engine.set_limits(limits); }), ErrorCode::invalid_params);
+}
+
+TEST_F(EngineTest, OneRunAtATimeAndAKeyStartsOnce) {
+  auto asked = request(trapezium(0.2, 5), false);
+  asked.idempotency_key = "monday";
+  const auto first = engine.start(asked);
+  EXPECT_EQ(engine.start(asked).run, first.run);
+  EXPECT_EQ(code_of([&] { engine.start(request(trapezium(0.2, 5), false)); }), ErrorCode::busy);
+  EXPECT_EQ(code_of([&] { engine.set_limits({}); }), ErrorCode::busy);
+  asked.seed = 3;
+  EXPECT_EQ(code_of([&] { engine.start(asked); }), ErrorCode::invalid_params);
+  engine.abort(first.run, "over");
+  engine.wait(first.run);
+  asked.seed = 1;
+  EXPECT_EQ(engine.start(asked).run, first.run);
+  EXPECT_EQ(engine.runs().size(), 1u);
+}
+
+TEST_F(EngineTest, AnOpenDeviceKeepsItsSpecimen) {
+  const auto id = engine.open_device("virtual", {{"model", "soft-pzt"}, {"clock", "fast"}});
+  RunRequest asked;
+  asked.protocol = trapezium(0.5, 0.5);
+  asked.device = id;
+  asked.set = {{"top", -1.2}};
+  const auto first = recordings::read_recording(finish(asked).path);
+  const auto second = recordings::read_recording(finish(asked).path);
+  // The first run depoles the virgin specimen; the second begins where the first ended.
+  EXPECT_LT(second.at(Channel::charge).front(), 0.9 * first.at(Channel::charge).front());
+  asked.set["prestress_MPa"] = 4;
+  EXPECT_EQ(code_of([&] { engine.start(asked); }), ErrorCode::invalid_params);
+  engine.close_device(id);
+  EXPECT_EQ(code_of([&] { engine.close_device(id); }), ErrorCode::not_found);
+}
+
+TEST_F(EngineTest, SimulationAgreesWithTheDeviceItsRunWasMadeOn) {
+  auto asked = request(trapezium(1, 2), true);
+  asked.set = {{"top", -0.8},
+               {"device.displacement.noise", 0},
+               {"device.charge.noise", 0},
+               {"device.force.noise", 0},
+               {"device.field.noise", 0}};
+  const auto measured = recordings::read_recording(finish(asked).path);
+  const auto simulated = simulate_recording(measured, nullptr, "here");
+  EXPECT_LT(simulated.quadrature_error, 1e-2);
+  for (const auto channel : {Channel::charge, Channel::displacement, Channel::force}) {
+    const auto &a = measured.at(channel), &b = simulated.recording.at(channel);
+    const auto [low, high] = std::ranges::minmax(a);
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+    EXPECT_LT(std::sqrt(sum / static_cast<double>(a.size())), 1e-3 * (high - low))
+        << recordings::channel_name(channel);
+  }
+  EXPECT_EQ(simulated.recording.segments.size(), 3u);
+  EXPECT_EQ(simulated.recording.header.protocol, measured.header.protocol);
+}
+
+}  // namespace
+}  // namespace ferrobench::server
