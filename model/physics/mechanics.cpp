@@ -202,7 +202,7 @@ double Mechanics::largest_step(double slew) const {
   const double field_turns =
       actuator_.length * material_.piezoelectric_180 * (s.plus - s.minus) * (slew - moving_->slew);
   const double velocity = moving_->steady_velocity + actuator / o.stiffness * field_turns;
-  const double force = actuator * moving_->free_extension - friction(x) - spring_force(x);
+  const double force = actuator * (moving_->free_extension - x) - friction(x) - spring_force(x);
   const double off = -(force - o.damping * velocity) / o.stiffness;
   const double ringing = std::hypot(off, (moving_->motion.velocity - velocity) / o.frequency());
   const auto k = kinetic_constants(material_);
