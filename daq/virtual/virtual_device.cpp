@@ -154,6 +154,7 @@ void VirtualDevice::fill_chunk() {
     if (piece.waiting) waiting += piece.samples;
   }
   if (rows_ == 0) return;
+  for (std::size_t c = 0; c < last_.size(); ++c) last_[c] = values_[c][rows_ - 1];
   due_ = config_.clock == Clock::real
              ? start_ + std::chrono::duration_cast<std::chrono::nanoseconds>(
                             Seconds(static_cast<double>(row_ + rows_ - 1) / rate_))
