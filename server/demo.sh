@@ -17,7 +17,7 @@ install_missing $build_packages
 install_page_modules "$root/server/web"
 
 echo "== build"
-cmake -S "$root" -B "$root/build" -G Ninja -DCMAKE_BUILD_TYPE=Release ${FERROBENCH_CMAKE_ARGUMENTS--DFERROBENCH_TESTS=OFF} >/dev/null
+cmake -S "$root" -B "$root/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DFERROBENCH_TESTS=OFF >/dev/null
 ninja -C "$root/build" --quiet ferrobench
 bench="$root/build/bin/ferrobench"
 

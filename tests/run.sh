@@ -2,7 +2,7 @@
 # Installs what is missing, builds everything and runs every test. Ends with ctest's summary and its exit code.
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
-build=${BUILD_DIR-$root/build-tests}
+build=$root/build
 . "$root/server/packages.sh"
 install_missing $build_packages $test_packages
 install_page_modules "$root/server/web"

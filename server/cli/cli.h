@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -59,13 +60,14 @@ class Interrupt {
   static int count();  // how often so far
 };
 
-// One line on a terminal, redrawn; a line now and then elsewhere. On stderr.
+// One line on a terminal, redrawn; elsewhere a line now and then, if it takes longer than a second. On stderr.
 class ProgressLine {
  public:
   void show(const std::string& state, double progress, double seconds_left);
   void finish();
 
  private:
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
   bool open_ = false;
   int last_tenth_ = -1;
   std::string last_state_;

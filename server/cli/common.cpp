@@ -133,6 +133,7 @@ void ProgressLine::show(const std::string& state, double progress, double second
     open_ = true;
     return;
   }
+  if (std::chrono::steady_clock::now() - begin_ < std::chrono::seconds(1)) return;
   if (percent / 10 == last_tenth_ && state == last_state_) return;
   last_tenth_ = percent / 10;
   last_state_ = state;

@@ -21,7 +21,8 @@ int print(const json& value) {
 }
 
 int list_protocols(const Options&, const Common& common) {
-  for (const auto& p : Link(common).call("protocol.list").at("protocols"))
+  const auto listed = Link(common).call("protocol.list");
+  for (const auto& p : listed.at("protocols"))
     std::printf("%-40s %s (%s)\n", p.at("name").get<std::string>().c_str(),
                 p.at("title").get<std::string>().c_str(), p.at("source").get<std::string>().c_str());
   return exit_ok;

@@ -232,8 +232,10 @@ RunStatus Run::status() const {
       out.state = RunState::paused;
       break;
     case Guarded::stopping:
-    case Guarded::ended:
       out.state = RunState::stopping;
+      break;
+    case Guarded::ended:  // the file is not whole yet
+      out.state = guard_->outcome().end == daq::End::complete ? RunState::running : RunState::stopping;
       break;
   }
   const auto left = static_cast<double>(out.rows_expected - out.rows);
