@@ -159,15 +159,21 @@ struct Simulator::State {
     end.switched_polarization = model.material.remanent_polarization * (m.plus - m.minus);
   }
 
-  // Field across the material at the end of a trial, behind the source resistance.
+  // Field across the material at the end of a trial, behind the source resistance: E + r dP/dt = E_mon as a
+  // lag with the permittivity at the step's start. Of the rest of P what switches goes by its rate at the
+  // end, all else by its change over the step, taken with the field and stress that the trial has so far.
   double behind_resistance(Trial& trial, const Means& m) const {
     if (ports.source_resistance == 0) return trial.monitor;
-    const double r = ports.source_resistance;
-    const double switching = remanent(dissipation) * (m.plus_rate - m.minus_rate);
-    const double stress_rate = trial.h > 0 ? (trial.end.stress - material.stress) / trial.h : 0;
-    const double piezo = model.material.piezoelectric_180 * (m.plus - m.minus) * stress_rate;
-    trial.resistance_input = trial.monitor - r * (switching + piezo);
-    return lag(material.field, resistance_input, trial.resistance_input, trial.h, r * permittivity(material));
+    const double r = ports.source_resistance, kappa = permittivity(material);
+    const double order = m.plus - m.minus, before = means.plus - means.minus;
+    const double dissipated = dissipation + std::abs(model.material.remanent_polarization * (order - before));
+    const double switched = remanent(dissipation) * (order - before);
+    const double change = polarization(trial.end, dissipated) - polarization(material, dissipation) -
+                          kappa * (trial.end.field - material.field) - switched;
+    const double rate =
+        remanent(dissipation) * (m.plus_rate - m.minus_rate) + (trial.h > 0 ? change / trial.h : 0);
+    trial.resistance_input = trial.monitor - r * rate;
+    return lag(material.field, resistance_input, trial.resistance_input, trial.h, r * kappa);
   }
 
   // How far the stress at mid-step is off the line between the step's ends, by the fractions' cubic.
@@ -192,12 +198,14 @@ struct Simulator::State {
         std::clamp(means.minus + h * (means.minus_rate + 0.5 * h * minus_curvature), 0.0, 1.0 - guess.plus);
     guess.plus_rate = means.plus_rate + h * plus_curvature;
     guess.minus_rate = means.minus_rate + h * minus_curvature;
+    const auto drag = [&](const Means& m) {
+      return ports.domain_wall_drag * remanent(dissipation) * (m.plus_rate - m.minus_rate);
+    };
     const auto loads_after = [&](const Means& m) {
       fill(trial.end, m, h, trial.end.field);
       trial.end.field = behind_resistance(trial, m);
       trial.equilibrium = mechanics->propose(h, trial.end);
-      const double drag = ports.domain_wall_drag * remanent(dissipation) * (m.plus_rate - m.minus_rate);
-      return Loads{trial.end.field - drag, trial.end.stress};
+      return Loads{trial.end.field - drag(m), trial.end.stress};
     };
     if (ports.fatigue != 0)
       kinetics->set_polarization(
@@ -214,9 +222,15 @@ struct Simulator::State {
     trial.means = guess;
     const double per_stress = constants.inverse_energy * std::abs(constants.strain_90);
     const double per_field = constants.inverse_energy * constants.polarization;
+    // Behind drag or resistance the loads follow from rates, which mean fractions that hardly move do not
+    // bound.
+    const bool by_rates = ports.domain_wall_drag != 0 || ports.source_resistance != 0;
+    const double agreement = by_rates ? 1e-3 : std::numeric_limits<double>::infinity();
     return coupling.solve(
-        first, {1 / per_field, 1 / per_stress}, 0.05 * options.tolerance, [&](const Loads& at) {
+        first, {1 / per_field, 1 / per_stress}, 0.05 * options.tolerance, agreement, [&](const Loads& at) {
           trial.means = kinetics->propose(h, at, bend(trial, per_stress));
+          trial.end.field = at.field + drag(trial.means);
+          trial.end.stress = at.stress;
           return Coupling::Answer{loads_after(trial.means), trial.means.plus, trial.means.minus};
         });
   }

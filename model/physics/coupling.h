@@ -24,7 +24,7 @@ class Coupling {
   // Calls evaluate(loads) until the loads it answers with agree with those given so well that the mean
   // fractions would not change by more than `tolerance`. False if that does not come about.
   template <class Evaluate>
-  bool solve(Loads first, const Scale& scale, double tolerance, Evaluate&& evaluate) {
+  bool solve(Loads first, const Scale& scale, double tolerance, double agreement, Evaluate&& evaluate) {
     std::array<double, 2> u{first.field / scale.field, first.stress / scale.stress};
     std::array<double, 2> last_u{}, last_residual{};
     double last_plus = 0, last_minus = 0;
@@ -41,7 +41,7 @@ class Coupling {
       }
       const auto step = newton(residual);
       if (!(norm(step) < 1e6)) break;
-      if (norm(step) < 1e-9 || norm(step) * sensitivity_ < tolerance) {
+      if (norm(step) < 1e-9 || (norm(step) < agreement && norm(step) * sensitivity_ < tolerance)) {
         if (i > 0 || known_) {
           known_ = true;
           return true;
