@@ -20,8 +20,24 @@ const experiment = new Experiment(rpc, (status) => run.begin(status));
 function runChanged(status, before) {
   const busy = run.busy();
   experiment.allowStart(!busy);
-  if (busy || (status.run && status.run === live.run)) live.describe(status, busy);
-  if (!busy && before && (before.busy || before.run !== status.run)) recordings.refresh();
+  if (!before) return;
+  const another = before.run !== status.run;
+  if (another || before.state !== status.state)
+    addEvent({ kind: status.state, message: [status.title || status.protocol, status.reason].filter(Boolean).join(": ") });
+  if (busy && (another || !before.busy)) live.describe(status, "");
+  if (!busy && (another || before.busy)) finished(status);
+}
+
+// What came by in passing was thinned; what was recorded shows the run as it was.
+async function finished(status) {
+  await recordings.refresh();
+  live.describe(status, `The last run, ${status.state}: `);
+  if (!status.recording) return;
+  try {
+    live.show(status.run, await rpc.call("recording.read", { name: status.recording, max_points: 3000 }));
+  } catch (error) {
+    showError("The recording could not be read.", error);
+  }
 }
 
 async function greet() {

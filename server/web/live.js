@@ -16,8 +16,15 @@ export class Live {
   #columns = { time: [] };
   #drawn = true;
 
-  describe({ title, protocol, state }, busy) {
-    byId("live-note").textContent = `${busy ? "" : "The last run: "}${title || protocol || "A program"}${busy ? "." : `, ${state}.`}`;
+  describe({ title, protocol }, before) {
+    byId("live-note").textContent = `${before}${title || protocol || "a program"}.`;
+  }
+
+  // The whole run in place of what was seen of it, unless another one has begun.
+  show(run, columns) {
+    if (this.run && this.run !== run) return;
+    this.#columns = columns;
+    this.#draw();
   }
 
   add({ run, columns }) {
