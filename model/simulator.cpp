@@ -301,11 +301,20 @@ struct Simulator::State {
     const double end = material.time + trial.h;
     // The last time of a piece may miss its end by rounding.
     const double slack = 1e-12 * std::max(1.0, std::abs(piece_end));
+    // Sensors take what they see as linear from one time to the next, which a whole step of switching is not.
+    const bool sensors = !ports.charge.empty() || !ports.displacement.empty() || !ports.force.empty();
+    constexpr int parts = 4;
+    int part = 1;
+    const auto watch = [&](double until) {
+      for (; sensors && part < parts && material.time + part * trial.h / parts < until - slack; ++part)
+        output(trial, part * trial.h / parts, 0, nullptr);
+    };
     while (sensed < times.size() && times[sensed] <= end + slack) {
+      watch(times[sensed]);
       output(trial, std::clamp(times[sensed] - material.time, 0.0, trial.h), sensed, &out);
       ++sensed;
     }
-    const bool sensors = !ports.charge.empty() || !ports.displacement.empty() || !ports.force.empty();
+    watch(end);
     if (sensors && (sensed == 0 || times.empty() || times[sensed - 1] < end - slack))
       output(trial, trial.h, 0, nullptr);
   }

@@ -50,6 +50,7 @@ void Ensemble::start(const Loads& at) {
   std::fill(columns_[plus].begin(), columns_[plus].end(), 1.0);
   std::fill(columns_[minus].begin(), columns_[minus].end(), 0.0);
   at_ = at;
+  polarization_then_ = constants_.polarization;
   time_ = stress_path_ = 0;
   awake_ = size_;
   asleep_plus_ = asleep_minus_ = 0;
@@ -159,7 +160,8 @@ const Means& Ensemble::propose(double h, const Loads& at, const Loads& bend) {
   wake(at, stress_path, time_ + h);
   proposed_at_ = at;
   proposed_h_ = h;
-  held_ = at.field == at_.field && at.stress == at_.stress && bend.field == 0 && bend.stress == 0;
+  held_ = at.field == at_.field && at.stress == at_.stress && bend.field == 0 && bend.stress == 0 &&
+          constants_.polarization == polarization_then_;
   const StepOutput out{then_plus_.data(), then_minus_.data(), outflow_falling_.data(), outflow_rising_.data(),
                        negligible_};
   const auto result = held_ ? step_domains_held(constants_, domains(), awake_, h, now_.columns(), out)
@@ -179,6 +181,7 @@ void Ensemble::accept() {
   std::copy_n(then_plus_.begin(), awake_, columns_[plus].begin());
   std::copy_n(then_minus_.begin(), awake_, columns_[minus].begin());
   if (!held_) std::swap(now_, then_);
+  polarization_then_ = constants_.polarization;
   put_to_sleep(field_step);
 }
 

@@ -64,6 +64,7 @@ class Ensemble final : public Kinetics {
   std::vector<double> then_plus_, then_minus_, outflow_falling_, outflow_rising_;
   Loads at_{}, proposed_at_{};
   bool held_ = false;
+  double polarization_then_ = 0;                                         // P_+ of the rates `now_`
   double largest_field_ = 0, largest_stress_ = 0, largest_barrier_ = 0;  // of the internal loads and barriers
   double time_ = 0, stress_path_ = 0, proposed_h_ = 0;
   Means means_, proposed_;

@@ -75,6 +75,17 @@ TEST_P(AgainstTinySteps, SameLoopAndHold) {
   }
 }
 
+// Without a spring nothing but P_+ changes in a hold, and the rates must see it.
+TEST(EffectReference, FatigueInAHoldWithoutSpring) {
+  auto m = crystal();
+  m.load.spring_stiffness = 0;
+  const Program program{{{0, 0}, {0.03, -0.7e6}, {1.03, -0.7e6}, {1.06, 0}}, 2e-3};
+  const auto ours = run(with(m, "polarization_fatigue", {{"coefficient", 0.5}}), program);
+  const auto theirs = Reference(m, {{"polarization_fatigue.coefficient", 0.5}}).play(program, 4e-6);
+  EXPECT_LT(apart(theirs.charge, ours.charge), 3e-3);
+  EXPECT_LT(apart(theirs.displacement, ours.displacement), 3e-3);
+}
+
 TEST(EffectReference, CoversTheCatalogue) {
   for (const auto& effect : effect_catalogue())
     EXPECT_TRUE(std::any_of(cases.begin(), cases.end(), [&](const Case& c) { return c.id == effect.id; }))
