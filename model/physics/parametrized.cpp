@@ -8,11 +8,11 @@
 namespace ferrobench::model {
 namespace {
 
+// Beyond the calibrated fractions the branch goes on straight.
 double interpolate(const std::vector<CriticalForcePoint>& branch, double fraction) {
-  if (fraction <= branch.front().fraction) return branch.front().force;
-  if (fraction >= branch.back().fraction) return branch.back().force;
-  const auto above = std::upper_bound(branch.begin(), branch.end(), fraction,
-                                      [](double f, const CriticalForcePoint& p) { return f < p.fraction; });
+  const auto above = std::clamp(std::upper_bound(branch.begin(), branch.end(), fraction,
+                                                 [](double f, const CriticalForcePoint& p) { return f < p.fraction; }),
+                                branch.begin() + 1, branch.end() - 1);
   const auto below = above - 1;
   const double u = (fraction - below->fraction) / (above->fraction - below->fraction);
   return below->force + u * (above->force - below->force);

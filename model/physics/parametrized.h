@@ -42,16 +42,4 @@ class Parametrized final : public Kinetics {
   std::uint64_t steps_ = 0;
 };
 
-// F_cr from a slow loop: driving force and x+ at each sample of the half loop from high field to low (unload)
-// and back (load). Branches are averaged onto `points` fractions, and shifted so that a domain under the
-// ramp's own rate switches where the loop did.
-struct LoopSample {
-  double field = 0;   // V/m
-  double stress = 0;  // Pa
-  double strain = 0;  // 1, since rest
-};
-CriticalForce calibrate_critical_force(const Model& model, const std::vector<LoopSample>& loop,
-                                       double field_rate, double prestress, double prestress_shift,
-                                       int points = 60);
-
 }  // namespace ferrobench::model

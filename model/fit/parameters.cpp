@@ -1,0 +1,144 @@
+#include "model/fit/parameters.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "model/effects/catalogue.h"
+
+namespace ferrobench::model {
+namespace {
+
+std::string pointer_of(std::string_view path) {
+  std::string out = "/";
+  for (const char c : path) out += c == '.' ? '/' : c;
+  return out;
+}
+
+[[noreturn]] void unknown(const Model& model, std::string_view path) {
+  const auto allowed = parameter_paths(model);
+  const auto guess = nearest_name(path, allowed);
+  throw Error(ErrorCode::invalid_params, "the model has no such number",
+              Problem{.path = pointer_of(path),
+                      .message = "is not a number of this model",
+                      .given = path,
+                      .allowed = allowed,
+                      .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"});
+}
+
+// Effects are a list in the file; by path they go by their id.
+nlohmann::json* find(nlohmann::json& json, std::string_view path) {
+  nlohmann::json* at = &json;
+  while (!path.empty()) {
+    const auto dot = path.find('.');
+    const auto key = std::string(path.substr(0, dot));
+    path = dot == std::string_view::npos ? std::string_view{} : path.substr(dot + 1);
+    if (at->is_array()) {
+      nlohmann::json* next = nullptr;
+      for (auto& item : *at)
+        if (item.value("id", "") == key) next = &item["parameters"];
+      if (next == nullptr) return nullptr;
+      at = next;
+    } else if (at->is_object() && at->contains(key)) {
+      at = &(*at)[key];
+    } else {
+      return nullptr;
+    }
+  }
+  return at->is_number() || at->is_null() ? at : nullptr;
+}
+
+void collect(const nlohmann::json& json, const std::string& path, std::vector<std::string>& out) {
+  const auto under = [&](const std::string& key) { return path.empty() ? key : path + "." + key; };
+  if (json.is_number()) {
+    out.push_back(path);
+  } else if (json.is_object()) {
+    for (const auto& [key, value] : json.items())
+      if (key != "version" && key != "critical_force") collect(value, under(key), out);
+  } else if (json.is_array()) {
+    for (const auto& item : json)
+      if (item.contains("id")) collect(item["parameters"], under(item["id"].get<std::string>()), out);
+  }
+}
+
+constexpr std::array<std::tuple<std::string_view, double, double, bool>, 22> ranges{{
+    {"material.remanent_polarization", 0.15, 0.5, true},
+    {"material.remanent_strain_90", -0.01, -0.0008, true},
+    {"material.permittivity_180", 4e-9, 6e-8, true},
+    {"material.permittivity_90", 4e-9, 6e-8, true},
+    {"material.compliance_180", 8e-12, 5e-11, true},
+    {"material.compliance_90", 8e-12, 5e-11, true},
+    {"material.piezoelectric_180", 1e-10, 1.2e-9, true},
+    {"material.barrier", 2e3, 5e5, true},
+    {"material.relaxation_time", 1e-12, 10, true},
+    {"material.activation_volume", 1e-26, 1e-22, true},
+    {"material.temperature", 253, 373, false},
+    {"polycrystal.barrier_log_std", 0.01, 1.5, true},
+    {"polycrystal.interaction_field_std", 1e3, 1.5e6, true},
+    {"polycrystal.interaction_stress_std", 1e4, 2e8, true},
+    {"polycrystal.bias_field", -5e5, 5e5, false},
+    {"actuator.length", 1e-4, 1, true},
+    {"actuator.area", 1e-8, 1e-2, true},
+    {"actuator.layer_thickness", 1e-7, 1e-2, true},
+    {"actuator.layer_count", 1, 1e5, true},
+    {"actuator.passive_stiffness", 1e5, 1e10, true},
+    {"load.spring_stiffness", 1e3, 1e9, true},
+    {"load.prestress", 0, 1e8, false},
+}};
+
+}  // namespace
+
+double get_parameter(const Model& model, std::string_view path) {
+  auto json = to_json(model);
+  const auto* found = find(json, path);
+  if (found == nullptr || !found->is_number()) unknown(model, path);
+  return found->get<double>();
+}
+
+Model with_parameters(const Model& model, const std::vector<std::pair<std::string, double>>& values) {
+  auto json = to_json(model);
+  for (const auto& [path, value] : values) {
+    auto* found = find(json, path);
+    if (found == nullptr) unknown(model, path);
+    *found = value;
+  }
+  return model_from_json(json);
+}
+
+std::vector<std::string> parameter_paths(const Model& model) {
+  std::vector<std::string> out;
+  collect(to_json(model), "", out);
+  return out;
+}
+
+FreeParameter free_parameter(const Model& model, std::string_view path) {
+  for (const auto& [name, low, high, logarithmic] : ranges)
+    if (name == path) return {std::string(path), low, high, logarithmic};
+  if (path.starts_with("effects.")) {
+    const auto rest = path.substr(8);
+    const auto dot = rest.find('.');
+    const auto& effect = find_effect(rest.substr(0, dot));
+    if (dot != std::string_view::npos)
+      for (const auto& p : effect.parameters)
+        if (p.name == rest.substr(dot + 1))
+          return {std::string(path), p.any_sign ? -p.high : p.low, p.high, !p.any_sign && p.low > 0};
+  }
+  unknown(model, path);
+}
+
+double to_search(const FreeParameter& p, double value) {
+  double u = 0;
+  if (p.logarithmic)
+    u = std::log(value / p.low) / std::log(p.high / p.low);
+  else
+    u = (value - p.low) / (p.high - p.low);
+  u = std::clamp(u, 1e-6, 1 - 1e-6);
+  return std::log(u / (1 - u));
+}
+
+double from_search(const FreeParameter& p, double z) {
+  const double u = 1 / (1 + std::exp(-z));
+  return p.logarithmic ? p.low * std::pow(p.high / p.low, u) : p.low + u * (p.high - p.low);
+}
+
+}  // namespace ferrobench::model

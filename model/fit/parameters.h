@@ -1,0 +1,36 @@
+// Model values by their path in the model file, for fitting and for setting one from outside.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "model/model.h"
+
+namespace ferrobench::model {
+
+// "material.barrier", "polycrystal.barrier_log_std", "effects.electrostriction.coefficient", ...
+// Both throw Error(invalid_params) with the nearest name if there is no such number in the model.
+double get_parameter(const Model& model, std::string_view path);
+Model with_parameters(const Model& model, const std::vector<std::pair<std::string, double>>& values);
+// Every number of the model, in the file's order.
+std::vector<std::string> parameter_paths(const Model& model);
+
+// A parameter that a fit may move, within [low, high]; on a logarithmic scale if `logarithmic` (then low > 0,
+// or both < 0).
+struct FreeParameter {
+  std::string path;
+  double low = 0, high = 0;
+  bool logarithmic = false;
+};
+
+// The physical range of a model parameter: what a fit may do unless told otherwise. Ranges for PZT from the
+// literature's spread (soft and hard compositions, -20 to 100 degC), for effects from the catalogue.
+FreeParameter free_parameter(const Model& model, std::string_view path);
+
+// Between a parameter and the number in (-inf, inf) that an unconstrained search moves.
+double to_search(const FreeParameter& p, double value);
+double from_search(const FreeParameter& p, double z);
+
+}  // namespace ferrobench::model

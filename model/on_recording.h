@@ -1,0 +1,19 @@
+// A recording's own program played through a model: what the model says should have been measured.
+#pragma once
+
+#include "model/simulator.h"
+#include "recordings/recording.h"
+
+namespace ferrobench::model {
+
+// The recording's specimen and load win over the model's actuator and load.
+Model model_for(const Model& model, const recordings::Recording& recording);
+
+// Its command (the measured field if there is none) at its own times; gaps in it are bridged by a straight
+// line. Throws Error(bad_recording) if it has neither.
+Trajectory simulate_on(const Model& model, const recordings::Recording& recording,
+                       const SimulationOptions& options = {}, bool estimate_quadrature = false);
+
+const std::vector<double>& channel_of(const Trajectory& trajectory, recordings::Channel channel);
+
+}  // namespace ferrobench::model
