@@ -335,6 +335,7 @@ std::vector<std::string> kernel_targets() {
 }
 
 void force_kernel_target(const std::string& name) {
+  hwy::SetSupportedTargetsForTest(0);  // else only the one forced before would be known
   std::int64_t wanted = 0;
   for (const auto target : hwy::SupportedAndGeneratedTargets())
     if (name == hwy::TargetName(target)) wanted = target;

@@ -1,0 +1,194 @@
+// The kernel's instruction sets against each other, and against the plain formulas of wells.h and barrier.h.
+#include "model/physics/kernel.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "model/physics/barrier.h"
+#include "model/physics/domains.h"
+#include "tests/bench/kernel_bench.h"
+
+namespace ferrobench::model {
+namespace {
+
+struct Case {
+  std::string name;
+  BarrierLaw law;
+  double stress_stabilization;  // 1/Pa
+};
+
+class Kernel : public testing::TestWithParam<Case> {
+ protected:
+  void TearDown() override { force_kernel_target(""); }
+
+  static KineticConstants constants() {
+    Material material;
+    material.permittivity_90 = 3e-8;
+    material.compliance_90 = 2e-11;
+    material.barrier_law = GetParam().law;
+    auto k = kinetic_constants(material);
+    k.stress_stabilization = GetParam().stress_stabilization;
+    return k;
+  }
+  static Domains domains() {
+    Polycrystal p;
+    p.method = PolycrystalMethod::distribution;
+    p.barrier_log_std = 0.35;
+    p.interaction_field_std = 8e4;
+    p.interaction_stress_std = 4e6;
+    return make_domains({}, p, 300, 0);
+  }
+};
+
+double rms_difference(const std::vector<double>& a, const std::vector<double>& b, std::size_t count) {
+  double sum = 0;
+  for (std::size_t i = 0; i < count; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
+// ln(tau r) of + -> 90, 90 -> +, 90 -> -, - -> 90.
+std::array<double, 4> plain_log_rates(const KineticConstants& k, const Domains& d, std::size_t i,
+                                      const Loads& at) {
+  const Loads seen{at.field + d.field[i], at.stress + d.stress[i]};
+  const auto force = driving_forces(k, seen);
+  const double out = d.barrier[i];
+  const double back = out * (1 + k.stress_stabilization * std::max(0.0, -seen.stress));
+  const auto barrier = [&](double f, double dg0, bool from_90) {
+    if (k.law == BarrierLaw::equal_curvature) return barrier_equal_curvature(from_90 ? -f : f, dg0);
+    return barrier_unequal_curvature(f, dg0, k.polarization, 2 * k.half_permittivity, 0, from_90);
+  };
+  return {-k.inverse_energy * barrier(force.plus_90, out, false),
+          -k.inverse_energy * barrier(force.plus_90, back, true),
+          -k.inverse_energy * barrier(force.minus_90, back, true),
+          -k.inverse_energy * barrier(force.minus_90, out, false)};
+}
+
+// Mean of exp(l0 + (l1 - l0) u) (1 + q u (1 - u)) over u in [0, 1] by Simpson's rule.
+double plain_mean_rate(double l0, double l1, double q) {
+  constexpr int n = 4000;
+  double sum = 0;
+  for (int i = 0; i <= n; ++i) {
+    const double u = static_cast<double>(i) / n;
+    const double weight = i == 0 || i == n ? 1 : 2 + 2 * (i % 2);
+    sum += weight * std::exp(l0 + (l1 - l0) * u) * (1 + q * u * (1 - u));
+  }
+  return sum / (3 * n);
+}
+
+// x' = A x + b over unit time: Taylor series of a small part of it, squared up.
+std::array<double, 2> plain_exponential(const std::array<double, 4>& a, double plus, double minus) {
+  std::array<long double, 2> x{plus, minus};
+  const int parts = 64 + static_cast<int>(8 * (a[0] + a[1] + a[2] + a[3]));
+  for (int part = 0; part < parts; ++part) {
+    std::array<long double, 2> term = x;
+    for (int order = 1; order < 20; ++order) {
+      const long double ninety = (order == 1 ? 1.0L : 0.0L) - term[0] - term[1];
+      const long double h = 1.0L / parts / order;
+      term = {h * (a[1] * ninety - a[0] * term[0]), h * (a[2] * ninety - a[3] * term[1])};
+      x[0] += term[0];
+      x[1] += term[1];
+    }
+  }
+  return {static_cast<double>(x[0]), static_cast<double>(x[1])};
+}
+
+const LoadPath path{{-4e5, -8e6}, {-4.3e5, -9e6}, {0, 0}};
+
+TEST_P(Kernel, EveryInstructionSetGivesTheSame) {
+  const auto targets = kernel_targets();
+  ASSERT_GE(targets.size(), 2U);
+  const LoadPath bent{path.from, path.to, {1e3, 2e4}};
+  force_kernel_target(targets.front());
+  bench::KernelBench best(domains(), constants());
+  best.start(path.from);
+  const auto expected = best.step(0.02, bent);
+  for (const auto& target : targets) {
+    SCOPED_TRACE(target);
+    force_kernel_target(target);
+    ASSERT_EQ(kernel_targets().front(), target);
+    bench::KernelBench other(domains(), constants());
+    other.start(path.from);
+    const auto result = other.step(0.02, bent);
+    for (std::size_t j = 0; j < 8; ++j) {
+      for (std::size_t i = 0; i < best.size(); ++i)
+        ASSERT_NEAR(other.after()[j][i], best.after()[j][i],
+                    1e-12 * std::max(1.0, std::abs(best.after()[j][i])));
+    }
+    EXPECT_LT(rms_difference(other.plus(), best.plus(), best.size()), 1e-12);
+    EXPECT_LT(rms_difference(other.minus(), best.minus(), best.size()), 1e-12);
+    EXPECT_NEAR(result.plus, expected.plus, 1e-12);
+    EXPECT_NEAR(result.minus, expected.minus, 1e-12);
+  }
+}
+
+TEST_P(Kernel, RatesAreThoseOfThePlainFormulas) {
+  const auto d = domains();
+  for (const auto& target : kernel_targets()) {
+    SCOPED_TRACE(target);
+    force_kernel_target("");
+    force_kernel_target(target);
+    for (const double field : {1.5e6, 3e5, 0.0, -4e5, -5.5e5, -1.5e6}) {
+      const Loads at{field, -8e6};
+      bench::KernelBench kernel(d, constants());
+      kernel.start(at);
+      for (std::size_t i = 0; i < d.size(); ++i) {
+        const auto expected = plain_log_rates(constants(), d, i, at);
+        for (std::size_t j = 0; j < 4; ++j) {
+          ASSERT_NEAR(kernel.before()[j][i], expected.at(j), 1e-12 * std::max(1.0, std::abs(expected.at(j))))
+              << "rate " << j << " of domain " << i << " at " << field << " V/m";
+          ASSERT_NEAR(kernel.before()[4 + j][i], std::exp(expected.at(j)), 1e-12);
+        }
+      }
+    }
+  }
+}
+
+TEST_P(Kernel, FractionsFollowTheTwoStateSystem) {
+  const auto d = domains();
+  const auto k = constants();
+  bench::KernelBench kernel(d, k);
+  kernel.start(path.from);
+  constexpr double h = 0.02;
+  // Held loads are exact, but for rounding where both eigenvalues meet: (+ -> 90) as fast as (90 -> -).
+  kernel.hold(h);
+  for (std::size_t i = 0; i < d.size(); i += 7) {
+    auto a = plain_log_rates(k, d, i, path.from);
+    for (auto& v : a) v = h / k.relaxation_time * std::exp(v);
+    const auto expected = plain_exponential(a, 0.5, 0.2);
+    ASSERT_NEAR(kernel.plus()[i], expected[0], 2e-10);
+    ASSERT_NEAR(kernel.minus()[i], expected[1], 2e-10);
+  }
+  // So is a step with moving loads, but for what the header names, if each intensity is that of the bent
+  // logarithm. The unequal law bends by the equal law's curvature, so it is compared where nothing bends.
+  if (k.law != BarrierLaw::equal_curvature || k.stress_stabilization != 0) return;
+  kernel.step(h, path);
+  for (std::size_t i = 0; i < d.size(); i += 7) {
+    const auto l0 = plain_log_rates(k, d, i, path.from), l1 = plain_log_rates(k, d, i, path.to);
+    const auto f0 = driving_forces(k, {path.from.field + d.field[i], path.from.stress + d.stress[i]});
+    const auto f1 = driving_forces(k, {path.to.field + d.field[i], path.to.stress + d.stress[i]});
+    const auto bend = [&](double from, double to) {
+      const bool inside = std::max(std::abs(from), std::abs(to)) < 4 * d.barrier[i];
+      return inside ? k.inverse_energy * (to - from) * (to - from) / (16 * d.barrier[i]) : 0;
+    };
+    const std::array<double, 4> q{bend(f0.plus_90, f1.plus_90), bend(f0.plus_90, f1.plus_90),
+                                  bend(f0.minus_90, f1.minus_90), bend(f0.minus_90, f1.minus_90)};
+    std::array<double, 4> a{};
+    for (std::size_t j = 0; j < 4; ++j)
+      a.at(j) = h / k.relaxation_time * plain_mean_rate(l0.at(j), l1.at(j), q.at(j));
+    const auto expected = plain_exponential(a, 0.5, 0.2);
+    ASSERT_NEAR(kernel.plus()[i], expected[0], 2e-10);
+    ASSERT_NEAR(kernel.minus()[i], expected[1], 2e-10);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Laws, Kernel,
+                         testing::Values(Case{"equal", BarrierLaw::equal_curvature, 0},
+                                         Case{"unequal", BarrierLaw::unequal_curvature, 0},
+                                         Case{"equal_stabilized", BarrierLaw::equal_curvature, 2e-8},
+                                         Case{"unequal_stabilized", BarrierLaw::unequal_curvature, 2e-8}),
+                         [](const auto& instance) { return instance.param.name; });
+
+}  // namespace
+}  // namespace ferrobench::model
