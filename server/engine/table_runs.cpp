@@ -5,6 +5,7 @@
 
 #include "daq/registry.h"
 #include "recordings/file.h"
+#include "recordings/tables/experiments.h"
 #include "server/engine/live.h"
 #include "server/engine/run.h"
 
@@ -13,17 +14,6 @@ namespace ferrobench::server {
 namespace fs = std::filesystem;
 
 namespace {
-
-struct Experiment {
-  std::string_view table, protocol, model;
-  std::string_view key;      // of the table, one run for each value; "" for a single run
-  std::string_view setting;  // that takes the value
-};
-constexpr std::array<Experiment, 4> experiments{
-    {{"3.10", "creep-16-holds-spring", "nec-ae0505d08", "", ""},
-     {"3.11", "creep-6-holds-fast", "nec-ae0505d08", "prestress_MPa", "prestress_MPa"},
-     {"3.12", "creep-6-holds-fast", "nec-ae0505d08", "prestress_MPa", "prestress_MPa"},
-     {"3.13", "stage-stroke-against-rate", "mcl-op30", "rate_V_per_s", "rate"}}};
 
 // A folder of its own, gone at the end.
 class TemporaryFolder {
@@ -48,12 +38,13 @@ class TemporaryFolder {
 std::vector<RunRequest> table_requests(const std::string& table, const nlohmann::json& model,
                                        const nlohmann::json& set, std::int64_t seed) {
   const auto published = recordings::published_table(table);
-  const auto& e = *std::ranges::find(experiments, table, &Experiment::table);
+  const auto& e = recordings::table_experiment(table);
   RunRequest request{.protocol = std::string(e.protocol),
-                     .model = model.is_null() ? nlohmann::json(std::string(e.model)) : model,
+                     .model = model.is_null() ? nlohmann::json(std::string(e.specimen)) : model,
                      .fast = true,
                      .seed = seed,
                      .set = set};
+  if (e.rate && !set.contains("rate")) request.set["rate"] = *e.rate;
   if (e.key.empty()) return {request};
   std::set<double> values;
   for (const auto& cell : published.cells) values.insert(cell.key(e.key));

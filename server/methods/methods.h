@@ -8,7 +8,7 @@
 // | protocol  | list get schema validate preview                                 |
 // | run       | start status pause resume abort list                             |
 // | recording | list info read report export import annotate delete             |
-// | model     | list get put schema simulate                                     |
+// | model     | list get put schema simulate fit                                 |
 // | job       | status cancel                                                    |
 // | lease     | acquire renew release status                                     |
 // |           | subscribe unsubscribe rpc.discover                               |

@@ -1,6 +1,7 @@
 #include "model/model.h"
 
 #include "recordings/file.h"
+#include "server/engine/fitting.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
 
@@ -77,6 +78,37 @@ json simulate(Engine& engine, const SimulateParams& p, Jobs::Handle& job) {
           {"quadrature_error", simulation.quadrature_error}};
 }
 
+struct FitParams {
+  FitRequest request;
+  std::vector<std::string> recordings{};
+  json model{};
+  std::string name{};
+};
+template <class Visitor>
+void describe(Visitor& visit, FitParams& p) {
+  visit("recordings", p.recordings, {.doc = "names of the recordings to come near to"});
+  visit("model", p.model, {.doc = "name or model to start from; absent: the default one"});
+  visit("name", p.name, {.doc = "keeps the fitted model under this name"});
+  describe(visit, p.request);
+}
+
+json fit(Engine& engine, const FitParams& p, Jobs::Handle& job) {
+  job.say(0, "reading");
+  const auto start = model::model_from_json(resolve_model(p.model, engine.store()));
+  std::vector<recordings::Recording> recordings;
+  for (const auto& name : p.recordings)
+    recordings.push_back(recordings::read_recording(engine.store().recording(name).string()));
+  auto result =
+      fit_model(p.request, start, std::move(recordings), [&job](const model::FitProgress& progress) {
+        job.say(progress.fraction,
+                "start " + std::to_string(progress.start + 1) + " of " + std::to_string(progress.starts));
+        return !job.cancelled();
+      });
+  job.check();
+  if (!p.name.empty()) engine.store().put_model(p.name, result.at("model"));
+  return result;
+}
+
 }  // namespace
 
 void add_model_methods(Dispatcher& rpc, Engine& engine) {
@@ -106,6 +138,15 @@ void add_model_methods(Dispatcher& rpc, Engine& engine) {
             "simulate", [&engine, p](Jobs::Handle& job) { return simulate(engine, p, job); });
         return engine.jobs().status(id);
       });
+  rpc.add<FitParams>({.name = "model.fit",
+                      .doc = "Fits a model to published tables or to recordings, or calibrates it. A job.",
+                      .role = Role::control},
+                     [&engine](const FitParams& p) {
+                       if (!p.name.empty()) check_name(p.name, "/name");
+                       const auto id = engine.jobs().start(
+                           "fit", [&engine, p](Jobs::Handle& job) { return fit(engine, p, job); });
+                       return engine.jobs().status(id);
+                     });
 }
 
 }  // namespace ferrobench::server

@@ -42,14 +42,16 @@ class Cli : public testing::Test {
 TEST_F(Cli, HelpNamesEveryOptionOfTheFixedForms) {
   const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> wanted{
       {{},
-       {"--data", "--socket", "--version", "serve", "run", "list", "report", "table", "simulate", "protocol",
-        "model", "call", "export", "Exit codes"}},
+       {"--data", "--socket", "--version", "serve", "run", "list", "report", "table", "simulate", "fit",
+        "protocol", "model", "call", "export", "Exit codes"}},
       {{"run"},
        {"PROTOCOL", "--device", "--model", "--fast", "--seed", "--out", "FILE.h5", "--set", "KEY=VALUE",
         "--force", "--notes", "--quiet", "Ctrl-C"}},
       {{"simulate"}, {"RECORDING", "--model", "--out", "OUT.h5"}},
       {{"report"}, {"RECORDING", "--format", "text", "md", "csv", "json", "html", "--out"}},
       {{"table"}, {"3.10", "3.11", "3.12", "3.13", "--format", "--model", "--set", "--seed", "--keep"}},
+      {{"fit"},
+       {"RECORDING", "--table", "--calibrate", "--model", "--set", "--free", "--starts", "--seed", "--out"}},
       {{"call"}, {"METHOD", "JSON"}},
       {{"serve"}, {"--port", "--address", "--allow-remote", "--host", "--token-file"}},
       {{"list"}, {"--format"}},
@@ -152,6 +154,21 @@ TEST_F(Cli, TablesCompareEveryCell) {
     EXPECT_GT(cell["published"].get<double>(), 30);
   }
   EXPECT_GT(table["rms_log_error"]["max_stroke_um"].get<double>(), 0);
+}
+
+TEST_F(Cli, FitFindsAParameterAgain) {
+  const std::vector<std::string> common{"--model", "soft-pzt", "--fast", "--set", "top=-0.8"};
+  auto arguments = std::vector<std::string>{
+      "run", protocol(), "--out", file("truth.h5"), "--set", "model.material.barrier=4.6e4"};
+  arguments.insert(arguments.end(), common.begin(), common.end());
+  ASSERT_EQ(run(arguments).code, exit_ok);
+  const auto said = run({"fit", file("truth.h5"), "--model", "soft-pzt", "--free", "material.barrier",
+                         "--starts", "1", "--out", file("fitted.json")});
+  ASSERT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_NE(said.out.find("material.barrier"), std::string::npos);
+  const auto fitted = nlohmann::json::parse(std::ifstream(file("fitted.json")));
+  EXPECT_NEAR(fitted["material"]["barrier"].get<double>(), 4.6e4, 0.01 * 4.6e4);
+  EXPECT_EQ(run({"fit", "--model", "soft-pzt", "--out", file("f.json")}).code, exit_error);
 }
 
 TEST_F(Cli, LibraryAndSchemas) {

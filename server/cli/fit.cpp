@@ -1,0 +1,103 @@
+#include <cstdio>
+#include <iostream>
+
+#include "recordings/file.h"
+#include "server/cli/link.h"
+#include "server/engine/fitting.h"
+
+namespace ferrobench::cli {
+
+using nlohmann::json;
+
+namespace {
+
+struct FitOptions {
+  server::FitRequest request;
+  std::vector<std::string> recordings, set;
+  std::string model, out;
+};
+
+void print_result(const json& result) {
+  if (!result.contains("parameters")) return;
+  std::printf("%-44s %12s %12s %10s   %s\n", "parameter", "from", "to", "std", "range");
+  for (const auto& p : result.at("parameters"))
+    std::printf("%-44s %12.5g %12.5g %10.2g   %.3g to %.3g%s\n", p.at("path").get<std::string>().c_str(),
+                p.at("from").get<double>(), p.at("to").get<double>(), p.at("std").get<double>(),
+                p.at("low").get<double>(), p.at("high").get<double>(),
+                p.at("at_bound").get<bool>() ? "  AT ITS BOUND" : "");
+  std::printf("\n%-44s %12s %12s\n", "root mean square", "before", "after");
+  for (const auto& [name, value] : result.at("after").items())
+    std::printf("%-44s %12.5g %12.5g\n", name.c_str(), result.at("before").at(name).get<double>(),
+                value.get<double>());
+  std::printf("%-44s %12.5g %12.5g   after %d simulations%s\n", "sum of squares",
+              result.at("cost_before").get<double>(), result.at("cost_after").get<double>(),
+              result.at("simulations").get<int>(),
+              result.at("stopped").get<bool>() ? ", stopped: the best so far" : "");
+}
+
+int fit(FitOptions o, const Common& common) {
+  o.request.set = set_argument(o.set);
+  const auto start = model::model_from_json(
+      server::resolve_model(model_argument(o.model), server::Store(common.data_folder())));
+  std::vector<recordings::Recording> recordings;
+  for (const auto& name : o.recordings)
+    recordings.push_back(recordings::read_recording(recording_argument(name, common)));
+
+  const Interrupt interrupt;
+  ProgressLine line;
+  const auto begin = std::chrono::steady_clock::now();
+  const auto result =
+      server::fit_model(o.request, start, std::move(recordings), [&](const model::FitProgress& p) {
+        const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+        const double left = p.fraction > 0 ? spent.count() * (1 - p.fraction) / p.fraction : -1;
+        line.show("start " + std::to_string(p.start + 1) + " of " + std::to_string(p.starts), p.fraction,
+                  left);
+        return Interrupt::count() == 0;
+      });
+  line.finish();
+  print_result(result);
+  write_output(o.out, result.at("model").dump(2) + "\n");
+  return result.value("stopped", false) ? exit_interrupted : exit_ok;
+}
+
+}  // namespace
+
+void add_fit(CLI::App& app, Common& common) {
+  auto* sub = app.add_subcommand("fit", "Fit a model to published tables or to recordings, or calibrate it");
+  auto o = std::make_shared<FitOptions>();
+  const auto list = [](CLI::Option* option) {
+    return option->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  };
+  sub->add_option("RECORDING", o->recordings, "files, or names in the data folder");
+  list(sub->add_option("--table", o->request.tables, "a published table; again for more, fitted together"))
+      ->type_name("TABLE");
+  sub->add_flag("--calibrate", o->request.calibrate,
+                "take the critical force of the parametrized polycrystal from one slow loop, or from two at "
+                "different prestress");
+  sub->add_option("--model", o->model, "to start from, by name or file")->required();
+  list(sub->add_option("--set", o->set, "a parameter of the tables' protocols, for example rate=10"))
+      ->type_name("KEY=VALUE");
+  list(sub->add_option(
+           "--free", o->request.free,
+           "a parameter that moves, for example material.barrier; again for more; default: the usual ones"))
+      ->type_name("PATH");
+  sub->add_option("--starts", o->request.starts, "searches, the first from the model given")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  sub->add_option("--iterations", o->request.iterations, "of each start, at most")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+  sub->add_option("--seed", o->request.seed, "of the other starts")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  sub->add_option("--out", o->out, "file of the fitted model")->type_name("OUT.json")->required();
+  sub->footer(
+      "Ctrl-C ends with the best so far.\n"
+      "Examples:\n"
+      "  ferrobench fit --table 3.11 --table 3.12 --model soft-pzt --out nec.json\n"
+      "  ferrobench fit creep.h5 loops.h5 --model nec-ae0505d08 --free material.barrier --out mine.json\n"
+      "  ferrobench fit --calibrate slow-loop.h5 --model nec-ae0505d08 --out parametrized.json");
+  sub->callback([o, &common] { common.action = [o, &common] { return fit(*o, common); }; });
+}
+
+}  // namespace ferrobench::cli

@@ -1,0 +1,84 @@
+#include "server/engine/fitting.h"
+
+#include "model/fit/calibrate.h"
+
+namespace ferrobench::server {
+
+using nlohmann::json;
+
+namespace {
+
+json summary_of(const model::FitTarget& target, const model::Model& model,
+                const model::SimulationOptions& options) {
+  json out = json::object();
+  for (const auto& [name, value] : target.summary(model, options)) out[name] = value;
+  return out;
+}
+
+json calibrated(const model::Model& start, const std::vector<recordings::Recording>& loops) {
+  if (loops.empty() || loops.size() > 2)
+    throw Error(ErrorCode::invalid_params, "a calibration takes one recording, or two at different prestress",
+                Problem{.path = "/recordings", .given = loops.size(), .allowed = "1 or 2"});
+  return {{"model", model::to_json(model::calibrate_parametrized(start, loops[0],
+                                                                 loops.size() > 1 ? &loops[1] : nullptr))}};
+}
+
+std::map<std::string, double> numbers_of(const json& set) {
+  std::map<std::string, double> out;
+  for (const auto& [key, value] : set.items()) {
+    if (!value.is_number())
+      throw Error(ErrorCode::invalid_params, "a setting of a fit is a number",
+                  Problem{.path = "/set/" + key, .message = "is not a number", .given = value});
+    out[key] = value.get<double>();
+  }
+  return out;
+}
+
+std::unique_ptr<model::FitTarget> target_of(const FitRequest& request,
+                                            std::vector<recordings::Recording> recordings) {
+  if (request.tables.empty() == recordings.empty())
+    throw Error(ErrorCode::invalid_params, "a fit comes near to tables or to recordings",
+                Problem{.path = "/tables",
+                        .message = recordings.empty() ? "is missing, and so are recordings"
+                                                      : "cannot be fitted together with recordings",
+                        .hint = "for example --table 3.13, or the file of a recording"});
+  return recordings.empty() ? model::table_target(request.tables, numbers_of(request.set))
+                            : model::recording_target(std::move(recordings));
+}
+
+}  // namespace
+
+json fit_model(const FitRequest& request, const model::Model& start,
+               std::vector<recordings::Recording> recordings,
+               const std::function<bool(const model::FitProgress&)>& progress) {
+  if (request.calibrate) return calibrated(start, recordings);
+  const auto target = target_of(request, std::move(recordings));
+  model::FitOptions options;
+  options.starts = static_cast<int>(request.starts);
+  options.iterations = static_cast<int>(request.iterations);
+  options.seed = static_cast<std::uint64_t>(request.seed);
+  options.progress = progress;
+  for (const auto& path : request.free) options.free.push_back(model::free_parameter(start, path));
+  if (options.free.empty()) options.free = model::default_free_parameters(start);
+
+  const auto result = model::fit(start, *target, options);
+  json parameters = json::array();
+  for (const auto& p : result.parameters)
+    parameters.push_back({{"path", p.free.path},
+                          {"from", p.from},
+                          {"to", p.to},
+                          {"std", p.std},
+                          {"low", p.free.low},
+                          {"high", p.free.high},
+                          {"at_bound", p.at_bound}});
+  return {{"model", model::to_json(result.model)},
+          {"parameters", std::move(parameters)},
+          {"before", summary_of(*target, start, options.simulation)},
+          {"after", summary_of(*target, result.model, options.simulation)},
+          {"cost_before", result.cost_before},
+          {"cost_after", result.cost_after},
+          {"simulations", result.simulations},
+          {"stopped", result.stopped}};
+}
+
+}  // namespace ferrobench::server

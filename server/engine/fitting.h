@@ -1,0 +1,40 @@
+// Fits and calibrations of a model, as clients ask for them.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "model/fit/fit.h"
+#include "protocols/common/fields.h"
+
+namespace ferrobench::server {
+
+struct FitRequest {
+  std::vector<std::string> tables;  // either these or recordings
+  std::vector<std::string> free;    // paths of the parameters that move; none: the usual ones
+  nlohmann::json set = nlohmann::json::object();
+  std::int64_t starts = 4, iterations = 30, seed = 1;
+  bool calibrate = false;
+};
+template <class Visitor>
+void describe(Visitor& visit, FitRequest& r) {
+  visit("tables", r.tables, {.doc = "published tables to come near to, fitted together"});
+  visit("free", r.free, {.doc = "paths of the parameters that move, for example material.barrier"});
+  visit("set", r.set, {.doc = "parameters of the tables' protocols, for example {\"rate\": 10}"});
+  visit("starts", r.starts, {.min = 1, .max = 1000, .doc = "searches, the first from the model given"});
+  visit("iterations", r.iterations, {.min = 1, .max = 10000, .doc = "of each start, at most"});
+  visit("seed", r.seed, {.min = 0, .doc = "of the other starts"});
+  visit("calibrate", r.calibrate,
+        {.doc = "take the critical force of the parametrized polycrystal from one slow loop, or from two at "
+                "different prestress; nothing is fitted"});
+}
+
+// {model, parameters: [{path, from, to, std, low, high, at_bound}], before, after: {name: rms}, cost_before,
+// cost_after, simulations, stopped}; a calibration gives {model} alone. `progress` returns false to end with
+// the best so far. Throws Error(invalid_params) if there is nothing to fit to, or both.
+nlohmann::json fit_model(const FitRequest& request, const model::Model& start,
+                         std::vector<recordings::Recording> recordings,
+                         const std::function<bool(const model::FitProgress&)>& progress);
+
+}  // namespace ferrobench::server
