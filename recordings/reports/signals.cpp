@@ -84,11 +84,22 @@ double edge_value(const Recording& recording, const Signal& signal, std::size_t 
                   bool at_end) {
   const std::size_t at = at_end ? first + count - 1 : first;
   if (signal.exact) return signal.values[at];
-  const std::size_t part = std::min(count, std::max<std::size_t>(5, count / 100));
-  const std::size_t from = at_end ? first + count - part : first;
-  const auto line =
-      fit_line(std::span(recording.time).subspan(from, part), std::span(signal.values).subspan(from, part));
-  return line.at(recording.time[at]);
+  const auto line_through = [&](std::size_t samples) {
+    const std::size_t part = std::clamp<std::size_t>(samples, 1, count);
+    const std::size_t from = at_end ? first + count - part : first;
+    if (part < 3) return signal.values[at];
+    const double value =
+        fit_line(std::span(recording.time).subspan(from, part), std::span(signal.values).subspan(from, part))
+            .at(recording.time[at]);
+    return std::isfinite(value) ? value : signal.values[at];
+  };
+  // Creep is fastest at the start, where a line through many samples would cut the corner: no more than it
+  // takes to bring the noise (a line's end has twice that of a mean) to 1 % of how far the stretch goes.
+  const std::size_t most = std::max<std::size_t>(5, count / 100);
+  const double change = signal.values[first + count - 1] - signal.values[first];
+  const double allowed = 0.01 * std::max(std::abs(change) - 3 * signal.noise, 0.0);
+  const double wanted = std::ceil(std::pow(2 * signal.noise / std::max(allowed, 1e-300), 2));
+  return line_through(wanted < static_cast<double>(most) ? static_cast<std::size_t>(wanted) : most);
 }
 
 }  // namespace ferrobench::recordings

@@ -30,7 +30,8 @@ std::vector<double> smoothed(const Recording& recording, const Signal& signal,
                              const std::vector<Turn>& turns);
 
 // Value at sample `at`, one end of a stretch of `count` samples that begins at `first`: the sample itself if
-// the signal is exact, else a line through the hundredth of the stretch (5 samples at least) next to it.
+// the signal is exact, else a line through as many samples next to it as bring the noise to 1 % of the
+// stretch's change, a hundredth of the stretch (5 samples at least) at the most.
 double edge_value(const Recording& recording, const Signal& signal, std::size_t first, std::size_t count,
                   bool at_end);
 
