@@ -131,15 +131,18 @@ void Ensemble::put_to_sleep(double field_step) {
   const auto margin = [&](double outflow) {
     return outflow > 0 ? std::min(600.0, std::log(negligible_ / (outflow * span))) : 600.0;
   };
+  // Outflows from which on the next step would already wake the domain: known before any logarithm is taken.
+  const double most_falling = negligible_ / span * std::exp((next_low - at_.field) / field_share),
+               most_rising = negligible_ / span * std::exp((at_.field - next_high) / field_share);
   for (std::size_t i = awake_; i-- > 0;) {
     double falling = outflow_falling_[i], rising = outflow_rising_[i];
     if (!(falling + rising <= limit)) continue;
     if (!s.ordered) falling = rising = falling + rising;
+    if (falling >= most_falling || rising >= most_rising) continue;
     const double margin_falling = margin(falling), margin_rising = margin(rising);
     const double least = std::min(margin_falling, margin_rising);
     const Bounds bounds{at_.field - field_share * margin_falling, at_.field + field_share * margin_rising,
                         stress_path_ + stress_share * least, time_ + proposed_h_ * std::exp(0.25 * least)};
-    if (next_low <= bounds.low_field || next_high >= bounds.high_field) continue;
     const std::size_t last = --awake_;
     asleep_plus_ += columns_[weight][i] * columns_[plus][i];
     asleep_minus_ += columns_[weight][i] * columns_[minus][i];
