@@ -60,7 +60,7 @@ struct FitOptions {
   int iterations = 30;  // of each start, at most
   double spread = 0.4;  // of the drawn starts, on the logistic scale
   std::uint64_t seed = 1;
-  SimulationOptions simulation{.tolerance = 1e-3, .domains = 256, .shift = 0};
+  SimulationOptions simulation;  // as everywhere else, so that what is fitted is what will be simulated
   // Called now and then; false ends the fit with the best found.
   std::function<bool(const FitProgress&)> progress;
 };
