@@ -78,7 +78,7 @@ void compare_quadrature() {
                   rms_over_range(a.outputs.polarization, b.outputs.polarization) / std::sqrt(2.0),
                   error(a.displacement, b.displacement, limit.displacement),
                   rms_over_range(a.displacement, b.displacement) / std::sqrt(2.0));
-      std::fflush(stdout);
+      static_cast<void>(std::fflush(stdout));
     }
     std::printf("\nNodes and time together. Nodes 0: as many as the simulator takes for its tolerance.\n\n");
     std::printf("| tolerance | nodes | error in displacement | CPU ms |\n|---|---|---|---|\n");
