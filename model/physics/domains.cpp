@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "model/physics/wells.h"
+
 namespace ferrobench::model {
 namespace {
 
@@ -70,18 +72,24 @@ int spread_dimensions(const Polycrystal& p) {
          static_cast<int>(p.interaction_stress_std != 0);
 }
 
-int domains_for(const Polycrystal& p, double tolerance) {
+int domains_for(const Material& m, const Polycrystal& p, double tolerance) {
   if (p.method != PolycrystalMethod::distribution) return 1;
   tolerance = std::clamp(tolerance, 1e-7, 1e-2);
+  const double spread =
+      std::hypot(p.barrier_log_std * 4 * m.barrier, p.interaction_field_std * m.remanent_polarization,
+                 p.interaction_stress_std * m.remanent_strain_90);
+  // The counts below were found at a spread of about 40 kT.
+  const double sharpness = spread * m.activation_volume / (boltzmann * m.temperature) / 40;
+  const double more = std::clamp(std::pow(sharpness, 1.5), 1.0, 8.0);
   switch (spread_dimensions(p)) {
     case 0:
       return 1;
     case 1:
-      return static_cast<int>(64 * std::pow(1e-3 / tolerance, 0.5));
+      return static_cast<int>(more * 64 * std::pow(1e-3 / tolerance, 0.5));
     case 2:
-      return static_cast<int>(192 * std::pow(1e-3 / tolerance, 0.5));
+      return static_cast<int>(more * 192 * std::pow(1e-3 / tolerance, 0.5));
     default:
-      return static_cast<int>(256 * std::pow(1e-3 / tolerance, 0.6));
+      return static_cast<int>(more * 256 * std::pow(1e-3 / tolerance, 0.6));
   }
 }
 

@@ -34,6 +34,7 @@ Domains make_domains(const Material& material, const Polycrystal& polycrystal, i
 int spread_dimensions(const Polycrystal& polycrystal);
 
 // Nodes that keep the quadrature's error in P and strain, rms over their range, below `tolerance`.
-int domains_for(const Polycrystal& polycrystal, double tolerance);
+// More where the spreads are wide against kT, as a domain's answer is then sharper.
+int domains_for(const Material& material, const Polycrystal& polycrystal, double tolerance);
 
 }  // namespace ferrobench::model
