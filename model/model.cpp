@@ -1,5 +1,6 @@
 #include "model/model.h"
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <sstream>
@@ -160,6 +161,22 @@ void check_branch(const std::vector<CriticalForcePoint>& branch, const std::stri
                           .given = branch[i].fraction});
 }
 
+void check_gap(const CriticalForce& c, std::vector<Problem>& problems) {
+  const auto check = [&](const std::vector<CriticalForcePoint>& branch, const std::string& path) {
+    for (std::size_t i = 0; i < branch.size(); ++i) {
+      const double x = branch[i].fraction, unload = force_at(c.unload, x);
+      if (force_at(c.load, x) >= unload)
+        problems.push_back({.path = path + "/" + std::to_string(i) + "/force",
+                            .message = "load must lie below unload; here it is",
+                            .given = force_at(c.load, x),
+                            .allowed = unload,
+                            .unit = "J/m^3"});
+    }
+  };
+  check(c.unload, "/polycrystal/critical_force/unload");
+  check(c.load, "/polycrystal/critical_force/load");
+}
+
 void check_polycrystal(const Polycrystal& p, std::vector<Problem>& problems) {
   if (p.method == PolycrystalMethod::parametrized && !p.critical_force)
     problems.push_back(
@@ -169,9 +186,20 @@ void check_polycrystal(const Polycrystal& p, std::vector<Problem>& problems) {
   if (!p.critical_force) return;
   check_branch(p.critical_force->unload, "/polycrystal/critical_force/unload", problems);
   check_branch(p.critical_force->load, "/polycrystal/critical_force/load", problems);
+  if (problems.empty()) check_gap(*p.critical_force, problems);
 }
 
 }  // namespace
+
+double force_at(std::span<const CriticalForcePoint> branch, double fraction) {
+  const auto above = std::upper_bound(branch.begin(), branch.end(), fraction,
+                                      [](double f, const CriticalForcePoint& p) { return f < p.fraction; });
+  if (above == branch.begin()) return branch.front().force;
+  if (above == branch.end()) return branch.back().force;
+  const auto below = above - 1;
+  const double u = (fraction - below->fraction) / (above->fraction - below->fraction);
+  return below->force + u * (above->force - below->force);
+}
 
 Model model_from_json(const nlohmann::json& json) {
   FileShape file;

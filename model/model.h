@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -43,13 +44,17 @@ struct CriticalForcePoint {
 };
 
 // F_cr(x+), both branches by rising fraction, as calibrated at `prestress`; another prestress adds
-// prestress_shift * (prestress - calibration) to both branches (the linear mapping of section 4.3.2).
+// prestress_shift * (prestress - calibration) to both branches (the linear mapping of section 4.3.2). Load
+// must lie below unload at every fraction: where it did not, neither way would have a barrier.
 struct CriticalForce {
   std::vector<CriticalForcePoint> unload;  // +180 -> 90
   std::vector<CriticalForcePoint> load;    // 90 -> +180
   double prestress = 0;                    // Pa
   double prestress_shift = 0;              // J/m^3 per Pa
 };
+
+// A branch of it at any fraction: straight between its points, level beyond them.
+double force_at(std::span<const CriticalForcePoint> branch, double fraction);
 
 struct Polycrystal {
   PolycrystalMethod method = PolycrystalMethod::none;

@@ -12,7 +12,7 @@ using recordings::Channel;
 using recordings::Recording;
 
 struct State {
-  double time = 0, force = 0, fraction = 0;
+  double time = 0, field = 0, force = 0, fraction = 0;
 };
 
 const std::vector<double>& needed(const Recording& r, Channel channel) {
@@ -40,7 +40,7 @@ std::vector<State> states_of(const Model& model, const Recording& r) {
     const double plus = m.compliance_180 * stress + m.piezoelectric_180 * field[i];
     const double fraction = std::clamp((strain - ninety) / (plus - ninety), 0.0, 1.0);
     if (std::isfinite(fraction))
-      out.push_back({r.time[i], driving_forces(constants, {field[i], stress}).plus_90, fraction});
+      out.push_back({r.time[i], field[i], driving_forces(constants, {field[i], stress}).plus_90, fraction});
   }
   return out;
 }
@@ -86,19 +86,24 @@ std::vector<CriticalForcePoint> branch_of(const Material& m, const std::vector<C
 }
 
 CriticalForce table_of(const Model& model, const Recording& r, const CalibrateOptions& options) {
-  const auto& field = needed(r, Channel::field);
-  const auto states = states_of(model, r);
-  const auto lowest_fraction = std::min_element(
-      states.begin(), states.end(), [](const State& a, const State& b) { return a.fraction < b.fraction; });
-  if (lowest_fraction == states.end()) throw Error(ErrorCode::bad_recording, "the loop has no finite sample");
-  const auto [low_field, high_field] = std::minmax_element(field.begin(), field.end());
-  if (*low_field < -0.5 * *high_field)
+  auto states = states_of(model, r);
+  if (states.empty()) throw Error(ErrorCode::bad_recording, "the loop has no finite sample");
+  const auto by = [](double State::*member) {
+    return [member](const State& a, const State& b) { return a.*member < b.*member; };
+  };
+  const auto [low, high] = std::minmax_element(states.begin(), states.end(), by(&State::field));
+  const double low_field = low->field, high_field = high->field;
+  if (low_field < -0.5 * high_field)
     throw Error(ErrorCode::bad_recording, "the loop goes too far below zero: both 180 phases take part",
                 Problem{.path = "/entry/data/field",
                         .message = "has its lowest value at",
-                        .given = *low_field,
-                        .allowed = -0.5 * *high_field,
+                        .given = low_field,
+                        .allowed = -0.5 * high_field,
                         .unit = "V/m"});
+  // The way up from the virgin state is not of the loop.
+  states.erase(states.begin(), std::find_if(states.begin(), states.end(),
+                                            [&](const State& s) { return s.field >= 0.98 * high_field; }));
+  const auto lowest_fraction = std::min_element(states.begin(), states.end(), by(&State::fraction));
   // Down: from the last sample at the top before the lowest fraction. Up: from there on.
   const auto highest = [](auto begin, auto end) {
     double most = 0;
@@ -133,15 +138,52 @@ double mean_difference(const std::vector<CriticalForcePoint>& a, const std::vect
   int count = 0;
   for (const auto& p : a) {
     if (p.fraction < b.front().fraction || p.fraction > b.back().fraction) continue;
-    const auto above = std::lower_bound(b.begin(), b.end(), p.fraction,
-                                        [](const CriticalForcePoint& q, double f) { return q.fraction < f; });
-    const auto below = above == b.begin() ? above : above - 1;
-    const double width = above->fraction - below->fraction;
-    const double u = width > 0 ? (p.fraction - below->fraction) / width : 0;
-    sum += below->force + u * (above->force - below->force) - p.force;
+    sum += force_at(b, p.fraction) - p.force;
     ++count;
   }
   return count > 0 ? sum / count : 0;
+}
+
+// Makes the branches fall everywhere and keeps load below unload: see the header.
+void clear_tips(CriticalForce& c) {
+  auto& unload = c.unload;
+  auto& load = c.load;
+  const std::size_t n = unload.size();
+  for (std::size_t i = 1; i < n; ++i) {
+    unload[n - 1 - i].force = std::max(unload[n - 1 - i].force, unload[n - i].force);
+    load[i].force = std::min(load[i].force, load[i - 1].force);
+  }
+  std::vector<double> gaps;
+  for (std::size_t i = 0; i < n; ++i) gaps.push_back(unload[i].force - load[i].force);
+  std::nth_element(gaps.begin(), gaps.begin() + static_cast<std::ptrdiff_t>(n / 2), gaps.end());
+  const double least = 0.5 * gaps[n / 2];
+  if (least <= 0)
+    throw Error(ErrorCode::bad_recording, "the loop has no hysteresis",
+                Problem{.path = "/entry/data/displacement",
+                        .message = "comes back the way it went: median distance of the branches",
+                        .given = 2 * least,
+                        .unit = "J/m^3"});
+  for (std::size_t i = 0; i < n; ++i) {
+    if (i < n / 2)
+      load[i].force = std::min(load[i].force, unload[i].force - least);
+    else
+      unload[i].force = std::max(unload[i].force, load[i].force + least);
+  }
+}
+
+// Adds the ends x+ = 0 and x+ = 1: see the header.
+void extend(CriticalForce& c) {
+  const std::size_t n = c.unload.size(), quarter = n / 4;
+  const auto slope = [](const CriticalForcePoint& a, const CriticalForcePoint& b) {
+    return (b.force - a.force) / (b.fraction - a.fraction);
+  };
+  const auto bottom = c.unload.front(), top = c.load.back();
+  const double down = -bottom.fraction * slope(bottom, c.unload[quarter]);
+  const double up = (1 - top.fraction) * slope(c.load[n - 1 - quarter], top);
+  c.unload.insert(c.unload.begin(), {0, bottom.force + down});
+  c.load.insert(c.load.begin(), {0, c.load.front().force + down});
+  c.unload.push_back({1, c.unload.back().force + up});
+  c.load.push_back({1, top.force + up});
 }
 
 }  // namespace
@@ -163,6 +205,8 @@ Model calibrate_parametrized(const Model& model, const Recording& loop, const Re
         0.5 * (mean_difference(table.unload, other.unload) + mean_difference(table.load, other.load)) /
         change;
   }
+  clear_tips(table);
+  extend(table);
   out.polycrystal = {};
   out.polycrystal.method = PolycrystalMethod::parametrized;
   out.polycrystal.critical_force = std::move(table);

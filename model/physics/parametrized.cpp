@@ -1,22 +1,11 @@
 #include "model/physics/parametrized.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "model/physics/barrier.h"
 
 namespace ferrobench::model {
 namespace {
-
-// Beyond the calibrated fractions the branch goes on straight.
-double interpolate(const std::vector<CriticalForcePoint>& branch, double fraction) {
-  const auto above = std::clamp(std::upper_bound(branch.begin(), branch.end(), fraction,
-                                                 [](double f, const CriticalForcePoint& p) { return f < p.fraction; }),
-                                branch.begin() + 1, branch.end() - 1);
-  const auto below = above - 1;
-  const double u = (fraction - below->fraction) / (above->fraction - below->fraction);
-  return below->force + u * (above->force - below->force);
-}
 
 double mean_exp(double a, double b) {
   const double change = b - a;
@@ -33,8 +22,8 @@ Parametrized::Parametrized(const Model& model, const KineticConstants& constants
 
 Parametrized::Rates Parametrized::rates(const Loads& at, double plus) const {
   const double force = driving_forces(constants_, at).plus_90;
-  const double out = force + 4 * barrier_ - interpolate(critical_.unload, plus) - shift_;
-  const double back = -force + 4 * barrier_ + interpolate(critical_.load, plus) + shift_;
+  const double out = force + 4 * barrier_ - force_at(critical_.unload, plus) - shift_;
+  const double back = -force + 4 * barrier_ + force_at(critical_.load, plus) + shift_;
   return {-constants_.inverse_energy * barrier_equal_curvature(out, barrier_),
           -constants_.inverse_energy * barrier_equal_curvature(back, barrier_)};
 }

@@ -7,6 +7,10 @@
 //   dg_{+,90} = dg(F_{+,90} + 4 dg0 - F_unload(x+)),   dg_{90,+} = dg(-F_{+,90} + 4 dg0 + F_load(x+))   with
 //   dg of (4.25).
 //
+// Switching goes on where the table says only if F_load < F_unload at every x+, which the model file demands
+// and the calibration (fit/calibrate.h) takes care of: where they cross neither way has a barrier, whatever
+// the loads, and x+ drifts to where the rates balance.
+//
 // x- stays zero: for fields that do not repole (0 .. 1.5 kV/mm).
 #pragma once
 
