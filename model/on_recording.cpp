@@ -6,15 +6,15 @@ namespace ferrobench::model {
 
 using recordings::Channel;
 
-Model model_for(const Model& model, const recordings::Recording& recording) {
+Model model_for(const Model& model, const recordings::Header& recording) {
   Model out = model;
-  const auto& specimen = recording.header.specimen;
+  const auto& specimen = recording.specimen;
   out.actuator.length = specimen.length;
   out.actuator.area = specimen.area;
   out.actuator.layer_thickness = specimen.layer_thickness;
   out.actuator.layer_count = specimen.layer_count;
-  out.load.spring_stiffness = recording.header.load.spring_stiffness;
-  out.load.prestress = recording.header.load.prestress;
+  out.load.spring_stiffness = recording.load.spring_stiffness;
+  out.load.prestress = recording.load.prestress;
   return out;
 }
 
@@ -41,7 +41,7 @@ Trajectory simulate_on(const Model& model, const recordings::Recording& recordin
                 Problem{.path = "/entry/data/" + std::string(channel_name(source)),
                         .message = "has no finite value"});
   for (std::size_t k = last + 1; k < drive.size(); ++k) drive[k] = drive[last];
-  return simulate(model_for(model, recording), recording.time, drive, options, estimate_quadrature);
+  return simulate(model_for(model, recording.header), recording.time, drive, options, estimate_quadrature);
 }
 
 const std::vector<double>& channel_of(const Trajectory& t, Channel channel) {

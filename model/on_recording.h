@@ -7,7 +7,7 @@
 namespace ferrobench::model {
 
 // The recording's specimen and load win over the model's actuator and load.
-Model model_for(const Model& model, const recordings::Recording& recording);
+Model model_for(const Model& model, const recordings::Header& recording);
 
 // Its command (the measured field if there is none) at its own times; gaps in it are bridged by a straight
 // line. Throws Error(bad_recording) if it has neither.

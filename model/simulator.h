@@ -71,4 +71,13 @@ struct Trajectory {
 Trajectory simulate(const Model& model, std::span<const double> time, std::span<const double> field,
                     const SimulationOptions& options = {}, bool estimate_quadrature = false);
 
+// The knots of a field that do not lie on the line between their neighbours, the first and the last included.
+std::vector<std::size_t> corners(std::span<const double> time, std::span<const double> field);
+
+// A field that is linear between few knots, with the channels at times of their own: rising, from the first
+// knot (time 0) to the last.
+SimulationStatistics simulate_at(const Model& model, std::span<const double> knot_time,
+                                 std::span<const double> knot_field, std::span<const double> times,
+                                 const ChannelSpans& out, const SimulationOptions& options = {});
+
 }  // namespace ferrobench::model

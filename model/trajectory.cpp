@@ -4,9 +4,8 @@
 #include "model/simulator.h"
 
 namespace ferrobench::model {
-namespace {
 
-// Knots that lie on the line between their neighbours carry nothing: fewer, longer pieces are faster.
+// Fewer, longer pieces are faster.
 std::vector<std::size_t> corners(std::span<const double> time, std::span<const double> field) {
   std::vector<std::size_t> out{0};
   double largest = 0;
@@ -21,6 +20,8 @@ std::vector<std::size_t> corners(std::span<const double> time, std::span<const d
   if (time.size() > 1) out.push_back(time.size() - 1);
   return out;
 }
+
+namespace {
 
 void check(std::span<const double> time, std::span<const double> field) {
   if (time.size() != field.size() || time.empty())
@@ -88,6 +89,35 @@ Trajectory simulate(const Model& model, std::span<const double> time, std::span<
                            std::sqrt(2.0);
   }
   return out;
+}
+
+SimulationStatistics simulate_at(const Model& model, std::span<const double> knot_time,
+                                 std::span<const double> knot_field, std::span<const double> times,
+                                 const ChannelSpans& out, const SimulationOptions& options) {
+  check(knot_time, knot_field);
+  Simulator simulator(model, options);
+  simulator.start(knot_field[0]);
+  std::size_t done = 0;
+  for (std::size_t k = knot_time.size() > 1 ? 1 : 0; k < knot_time.size(); ++k) {
+    const double end = knot_time[k];
+    std::size_t next = done;
+    while (next < times.size() && (times[next] <= end || k + 1 == knot_time.size())) ++next;
+    const auto part = [&](std::span<double> column) {
+      return column.empty() ? column : column.subspan(done, next - done);
+    };
+    const ChannelSpans spans{.field = part(out.field),
+                             .charge = part(out.charge),
+                             .displacement = part(out.displacement),
+                             .force = part(out.force),
+                             .polarization = part(out.polarization),
+                             .strain = part(out.strain),
+                             .stress = part(out.stress),
+                             .fraction_plus = part(out.fraction_plus),
+                             .fraction_minus = part(out.fraction_minus)};
+    simulator.play(end - simulator.time(), knot_field[k], times.subspan(done, next - done), spans);
+    done = next;
+  }
+  return simulator.statistics();
 }
 
 }  // namespace ferrobench::model

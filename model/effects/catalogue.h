@@ -28,7 +28,8 @@ enum class Family {
 };
 std::string_view family_name(Family family);
 
-enum class Sign { not_negative, above_zero, any };
+// off_at_infinity: above zero, and the effect fades as the value grows (a resistivity, a limit).
+enum class Sign { not_negative, above_zero, off_at_infinity, any };
 
 struct EffectParameter {
   EffectParameter(std::string_view its_name, std::string_view its_unit, double from, double to,
@@ -38,18 +39,21 @@ struct EffectParameter {
         low(from),
         high(to),
         any_sign(sign == Sign::any),
-        above_zero(sign == Sign::above_zero) {}
+        above_zero(sign == Sign::above_zero || sign == Sign::off_at_infinity),
+        off_at_infinity(sign == Sign::off_at_infinity) {}
   std::string_view name;
   std::string_view unit;
   double low = 0, high = 0;  // plausible range
   bool any_sign = false;     // the range holds for the magnitude
   bool above_zero = false;   // zero has no meaning
+  bool off_at_infinity = false;
 };
 
 struct Effect {
   std::string_view id;
   std::string_view equation;  // plain text
   Family family = Family::kinetics;
+  // The first is the amplitude: where it fades, so does the effect. The others are its shape.
   std::vector<EffectParameter> parameters;
   std::string_view shows;  // channels and segments in which it is seen
   // Plugs the effect in; values in the order of `parameters`. `model` may be changed where the effect is a

@@ -32,7 +32,7 @@ Effect effect_charge_amplifier_decay() {
   return {.id = "charge_amplifier_decay",
           .equation = "Qm' = Q' - Qm / time_constant",
           .family = Family::charge_sensor,
-          .parameters = {{"time_constant", "s", 1, 1e5, Sign::above_zero}},
+          .parameters = {{"time_constant", "s", 1, 1e5, Sign::off_at_infinity}},
           .shows = "charge falls towards zero in every hold, from either side",
           .install = [](std::span<const double> v, Model&, Ports& ports) {
             ports.charge.push_back(std::make_unique<Decay>(v[0]));

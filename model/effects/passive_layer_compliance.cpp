@@ -7,7 +7,7 @@ Effect effect_passive_layer_compliance() {
   return {.id = "passive_layer_compliance",
           .equation = "k_na (dx_active - x) = F_spring(x): non-active layers in series",
           .family = Family::equilibrium,
-          .parameters = {{"stiffness", "N/m", 1e6, 1e10, Sign::above_zero}},
+          .parameters = {{"stiffness", "N/m", 1e6, 1e10, Sign::off_at_infinity}},
           .shows = "displacement and force with a spring: less of both, at every time",
           .install = [](std::span<const double> v, Model& model, Ports&) {
             auto& stiffness = model.actuator.passive_stiffness;

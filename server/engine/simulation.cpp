@@ -18,7 +18,7 @@ Simulation simulate_recording(const recordings::Recording& recording, const nloh
                 Problem{.path = "/model",
                         .message = "is missing, and the recording names none",
                         .hint = "give one: --model NAME or FILE"});
-  const auto model = model::model_for(model::model_from_json(json), recording);
+  const auto model = model::model_for(model::model_from_json(json), recording.header);
   auto trajectory = model::simulate_on(model, recording, {}, true);
   const bool commanded = recording.has(Channel::command);
 

@@ -1,0 +1,358 @@
+#include "model/discrepancy/bench.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "model/on_recording.h"
+#include "model/simulator.h"
+#include "recordings/statistics.h"
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+using recordings::Channel;
+using recordings::Recording;
+
+[[noreturn]] void refuse(const std::string& name, const std::string& path, const std::string& message,
+                         const std::string& hint = "") {
+  throw Error(ErrorCode::bad_recording, "the recording " + name + " cannot be used",
+              Problem{.path = path, .message = message, .hint = hint});
+}
+
+std::string path_of(Channel channel) {
+  return "/entry/data/" + std::string(recordings::channel_name(channel));
+}
+
+void check_time(const std::string& name, const Recording& r) {
+  if (r.size() < 16) refuse(name, "/entry/data/time", "has fewer than 16 samples");
+  for (std::size_t i = 0; i < r.size(); ++i)
+    if (!std::isfinite(r.time[i]) || (i > 0 && r.time[i] <= r.time[i - 1]))
+      refuse(name, "/entry/data/time", "does not rise at sample " + std::to_string(i));
+}
+
+// The drive as knots: the command at its corners, or the lines that its measured field runs along.
+void set_drive(BenchRecording& out, const Recording& r) {
+  const double origin = r.time.front();
+  if (out.has_command) {
+    std::vector<double> time, field;
+    const auto& command = r.at(Channel::command);
+    for (std::size_t i = 0; i < r.size(); ++i) {
+      if (!std::isfinite(command[i])) continue;
+      time.push_back(r.time[i] - origin);
+      field.push_back(command[i]);
+    }
+    if (time.size() < 2) refuse(out.name, path_of(Channel::command), "has fewer than two finite values");
+    for (const std::size_t knot : corners(time, field)) {
+      out.knot_time.push_back(time[knot]);
+      out.knot_field.push_back(field[knot]);
+    }
+  } else {
+    const auto segments = recordings::infer_segments(r);
+    if (segments.empty()) refuse(out.name, path_of(Channel::field), "has fewer than two finite values");
+    const auto& field = r.at(Channel::field);
+    const auto at = [&](std::int64_t i) { return r.time[static_cast<std::size_t>(i)] - origin; };
+    // Where the first line starts: the mean of what its own end and rate say.
+    const auto& first = segments.front();
+    std::vector<double> head_time, head;
+    for (auto i = first.start_sample; i <= first.end_sample; ++i) {
+      head_time.push_back(at(i));
+      head.push_back(field[static_cast<std::size_t>(i)]);
+    }
+    out.knot_time.push_back(0);
+    out.knot_field.push_back(recordings::fit_line(head_time, head).at(0));
+    for (const auto& s : segments) {
+      const double end = &s == &segments.back() ? r.time.back() - origin : at(s.end_sample);
+      if (end <= out.knot_time.back()) continue;
+      out.knot_time.push_back(end);
+      out.knot_field.push_back(s.level);
+    }
+  }
+  if (out.knot_time.front() > 0) {
+    out.knot_time.insert(out.knot_time.begin(), 0);
+    out.knot_field.insert(out.knot_field.begin(), out.knot_field.front());
+  }
+  if (const double end = r.time.back() - origin; out.knot_time.back() < end) {
+    out.knot_time.push_back(end);
+    out.knot_field.push_back(out.knot_field.back());
+  }
+}
+
+// Rows: all samples, or so many that those after each corner stay dense and the others are evenly thinned.
+std::vector<std::size_t> choose_rows(const Recording& r, const std::vector<double>& knots,
+                                     std::size_t most) {
+  const std::size_t n = r.size();
+  std::vector<std::size_t> out;
+  if (n <= most) {
+    for (std::size_t i = 0; i < n; ++i) out.push_back(i);
+    return out;
+  }
+  std::set<std::size_t> chosen;
+  const std::size_t dense = most / 3 / std::max<std::size_t>(1, knots.size());
+  for (const double knot : knots) {
+    auto i = static_cast<std::size_t>(
+        std::lower_bound(r.time.begin(), r.time.end(), r.time.front() + knot) - r.time.begin());
+    double step = 1;
+    for (std::size_t k = 0; k < dense && i < n; ++k, step *= 1.05) {
+      chosen.insert(i);
+      i += static_cast<std::size_t>(step);
+    }
+  }
+  const std::size_t even = most - std::min(most, chosen.size());
+  for (std::size_t k = 0; k < even; ++k) chosen.insert(k * n / even);
+  out.assign(chosen.begin(), chosen.end());
+  return out;
+}
+
+void add_channels(BenchRecording& out, const Recording& r, const std::vector<std::size_t>& rows,
+                  std::vector<std::string>& warnings) {
+  for (const auto channel : compared_channels) {
+    if (!r.has(channel) || (channel == Channel::field && !out.has_command)) continue;
+    const auto& all = r.at(channel);
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    std::size_t finite = 0;
+    std::vector<double> known;
+    for (const double v : all) {
+      if (!std::isfinite(v)) continue;
+      ++finite;
+      low = std::min(low, v);
+      high = std::max(high, v);
+      known.push_back(v);
+    }
+    const std::string label = std::string(recordings::channel_name(channel)) + " of " + out.name;
+    if (finite < 16) {
+      warnings.push_back(label + " has next to no finite value and was left out.");
+      continue;
+    }
+    if (!(high > low)) {
+      warnings.push_back(label + " is constant and was left out: not connected?");
+      continue;
+    }
+    MeasuredChannel m;
+    m.channel = channel;
+    m.range = high - low;
+    m.scatter = recordings::estimate_noise(known);
+    m.offset_is_free = channel == Channel::charge && r.header.charge_reference ==
+                                                         recordings::ChargeReference::first_sample;
+    for (const std::size_t row : rows) m.value.push_back(std::isfinite(all[row]) ? all[row] : NAN);
+    out.channels.push_back(std::move(m));
+  }
+}
+
+struct Leg {
+  double begin = 0, end = 0, slope = 0, level = 0;
+};
+
+// Ramps and holds; chords of a bent program that go on in the same direction make one ramp.
+std::vector<Leg> legs_of(const BenchRecording& r) {
+  std::vector<Leg> out;
+  double largest = 1e-300;
+  for (const double e : r.knot_field) largest = std::max(largest, std::abs(e));
+  for (std::size_t k = 1; k < r.knot_time.size(); ++k) {
+    const double span = r.knot_time[k] - r.knot_time[k - 1];
+    const double change = r.knot_field[k] - r.knot_field[k - 1];
+    const double slope = std::abs(change) < 1e-6 * largest ? 0 : change / span;
+    if (!out.empty() && ((slope > 0 && out.back().slope > 0) || (slope < 0 && out.back().slope < 0) ||
+                         (slope == 0 && out.back().slope == 0)))
+      out.back().end = r.knot_time[k];
+    else
+      out.push_back({r.knot_time[k - 1], r.knot_time[k], slope, r.knot_field[k]});
+  }
+  return out;
+}
+
+// A row switches where the model's charge moves clearly more than permittivity alone would have it.
+void set_stretches(BenchRecording& r, const Model& model) {
+  auto with_charge = r;
+  with_charge.channels = {{.channel = Channel::charge, .value = std::vector<double>(r.time.size())},
+                          {.channel = Channel::field, .value = std::vector<double>(r.time.size())}};
+  const auto simulated = simulate_bench(model, with_charge, {.tolerance = 1e-3});
+  const auto m = model_for(model, r.header);
+  const double reversible = 2 * std::max(model.material.permittivity_180, model.material.permittivity_90) *
+                            m.actuator.area * static_cast<double>(m.actuator.layer_count);
+  const double largest = *std::max_element(r.knot_field.begin(), r.knot_field.end(),
+                                           [](double a, double b) { return std::abs(a) < std::abs(b); });
+  const auto legs = legs_of(r);
+  r.stretch.assign(r.time.size(), Stretch::rest);
+  std::size_t row = 0;
+  for (std::size_t l = 0; l < legs.size(); ++l) {
+    const auto& leg = legs[l];
+    const bool last = l + 1 == legs.size();
+    const bool turned = l > 0 && leg.slope * legs[l - 1].slope < 0;
+    bool switched = false;
+    for (; row < r.time.size() && (last || r.time[row] < leg.end); ++row) {
+      const double since = (r.time[row] - leg.begin) / (leg.end - leg.begin);
+      if (leg.slope == 0) {
+        r.stretch[row] = std::abs(leg.level) < 0.01 * std::abs(largest) ? Stretch::rest
+                         : since < 0.1                                  ? Stretch::hold_early
+                                                                        : Stretch::hold_late;
+        continue;
+      }
+      const std::size_t before = row > 0 ? row - 1 : row;
+      const double moved = std::abs(simulated[0][row] - simulated[0][before]);
+      const bool switching =
+          moved > reversible * std::abs(simulated[1][row] - simulated[1][before]) && row != before;
+      switched = switched || switching;
+      r.stretch[row] = switching                ? Stretch::ramp_switching
+                       : turned && since < 0.15 ? Stretch::after_reversal
+                       : switched               ? Stretch::ramp_after_switching
+                                                : Stretch::ramp_before_switching;
+    }
+  }
+}
+
+// What would make every comparison meaningless: a sign or a unit that is wrong.
+void check_scale(const BenchRecording& r, const Model& model) {
+  const auto simulated = simulate_bench(model, r, {.tolerance = 1e-3});
+  for (std::size_t c = 0; c < r.channels.size(); ++c) {
+    const auto& m = r.channels[c];
+    double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0, n = 0;
+    for (std::size_t i = 0; i < r.time.size(); ++i) {
+      if (std::isnan(m.value[i])) continue;
+      const double x = simulated[c][i], y = m.value[i];
+      sx += x;
+      sy += y;
+      ++n;
+    }
+    for (std::size_t i = 0; i < r.time.size(); ++i) {
+      if (std::isnan(m.value[i])) continue;
+      const double x = simulated[c][i] - sx / n, y = m.value[i] - sy / n;
+      sxx += x * x;
+      sxy += x * y;
+      syy += y * y;
+    }
+    if (!(sxx > 0) || !(syy > 0)) continue;
+    const double correlation = sxy / std::sqrt(sxx * syy), ratio = std::sqrt(syy / sxx);
+    if (correlation * correlation < 0.25 || 3 * m.scatter > std::sqrt(syy / n)) continue;
+    const std::string what = "the model expects " + std::to_string(std::sqrt(sxx / n)) + " rms";
+    if (correlation < 0)
+      refuse(r.name, path_of(m.channel), "moves against the model: its sign is wrong",
+             "turn the channel's sign; field along poling, extension and compressive force are positive");
+    if (ratio > 30 || ratio < 1.0 / 30)
+      refuse(r.name, path_of(m.channel),
+             "is " + std::to_string(ratio) + " times what the model gives: wrong units?",
+             "every channel is in SI units: V/m, C, m, N");
+  }
+}
+
+}  // namespace
+
+std::string_view stretch_name(Stretch stretch) {
+  constexpr std::array<std::string_view, stretch_count> names{"rest",
+                                                              "hold, early",
+                                                              "hold, late",
+                                                              "after reversal",
+                                                              "ramp, before switching",
+                                                              "ramp, switching",
+                                                              "ramp, after switching"};
+  return names.at(static_cast<std::size_t>(stretch));
+}
+
+const MeasuredChannel* BenchRecording::find(Channel channel) const {
+  for (const auto& m : channels)
+    if (m.channel == channel) return &m;
+  return nullptr;
+}
+
+std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedRecording>& recordings,
+                                    std::size_t rows, std::vector<std::string>& warnings) {
+  if (recordings.empty()) throw Error(ErrorCode::invalid_params, "there is no recording to learn from");
+  std::set<std::string> names;
+  std::vector<BenchRecording> out;
+  for (const auto& [name, r] : recordings) {
+    if (!names.insert(name).second)
+      throw Error(ErrorCode::invalid_params, "two recordings have the same name",
+                  Problem{.path = "/recordings", .message = "stands here twice", .given = name});
+    check_time(name, r);
+    BenchRecording b;
+    b.name = name;
+    b.header = r.header;
+    b.has_command = r.has(Channel::command);
+    if (!b.has_command && !r.has(Channel::field))
+      refuse(name, "/entry/data", "has neither command nor field");
+    set_drive(b, r);
+    const auto chosen = choose_rows(r, b.knot_time, std::max<std::size_t>(1000, rows / recordings.size()));
+    if (chosen.size() < r.size())
+      warnings.push_back(name + ": " + std::to_string(chosen.size()) + " of " + std::to_string(r.size()) +
+                         " samples took part, densest after each corner.");
+    for (const std::size_t row : chosen) b.time.push_back(r.time[row] - r.time.front());
+    add_channels(b, r, chosen, warnings);
+    if (b.channels.empty())
+      refuse(name, "/entry/data", "has no channel that says anything of the actuator",
+             "charge, displacement or force is needed");
+    set_stretches(b, model);
+    check_scale(b, model);
+    out.push_back(std::move(b));
+  }
+  return out;
+}
+
+std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& r,
+                                                const SimulationOptions& options) {
+  std::vector<std::vector<double>> out;
+  ChannelSpans spans;
+  for (const auto& m : r.channels) {
+    auto& column = out.emplace_back(r.time.size());
+    switch (m.channel) {
+      case Channel::charge:
+        spans.charge = column;
+        break;
+      case Channel::displacement:
+        spans.displacement = column;
+        break;
+      case Channel::force:
+        spans.force = column;
+        break;
+      default:
+        spans.field = column;
+    }
+  }
+  simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans, options);
+  return out;
+}
+
+std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings) {
+  const std::size_t n = recordings.size();
+  std::vector<bool> out(n, false);
+  if (n < 3) return out;
+  // What a recording can show: its kinds of stretch, its load, and the decade of its rate.
+  std::vector<std::set<std::string>> shows(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto& r = recordings[i];
+    std::map<Stretch, std::size_t> counts;
+    for (const auto s : r.stretch) ++counts[s];
+    for (const auto& [s, count] : counts)
+      if (50 * count > r.stretch.size()) shows[i].insert(std::string(stretch_name(s)));
+    shows[i].insert("prestress " + std::to_string(std::lround(r.header.load.prestress / 1e5)));
+    shows[i].insert("decade " + std::to_string(std::lround(std::log10(r.duration()))));
+  }
+  const std::size_t take = std::max<std::size_t>(1, n / 4);
+  // Few enough to try all subsets where that is cheap; else one after the other.
+  const auto worth = [&](const std::vector<bool>& held) {
+    std::map<std::string, int> trained, locked;
+    for (std::size_t i = 0; i < n; ++i)
+      for (const auto& s : shows[i]) ++(held[i] ? locked : trained)[s];
+    // Losing a kind for the training costs more than not proving it.
+    double sum = 10 * static_cast<double>(trained.size()) + static_cast<double>(locked.size());
+    for (const auto& [s, count] : trained) sum += 0.1 * std::min(count, 3);
+    return sum;
+  };
+  for (std::size_t k = 0; k < take; ++k) {
+    std::size_t best = n;
+    double most = -1;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (out[i]) continue;
+      auto trial = out;
+      trial[i] = true;
+      if (const double w = worth(trial); w > most) {
+        most = w;
+        best = i;
+      }
+    }
+    out[best] = true;
+  }
+  return out;
+}
+
+}  // namespace ferrobench::model::discrepancy

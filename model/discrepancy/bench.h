@@ -1,0 +1,66 @@
+// Recordings made ready to be compared with simulations: checked, thinned to a bounded number of rows, and
+// each row put into the kind of segment that it lies in.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "model/discrepancy/discover.h"
+#include "model/simulator.h"
+
+namespace ferrobench::model::discrepancy {
+
+enum class Stretch {
+  rest,
+  hold_early,
+  hold_late,
+  after_reversal,
+  ramp_before_switching,
+  ramp_switching,
+  ramp_after_switching
+};
+inline constexpr std::size_t stretch_count = 7;
+std::string_view stretch_name(Stretch stretch);
+
+// The channels that are compared; the field only where a command says what was asked for.
+inline constexpr std::array<recordings::Channel, 4> compared_channels{
+    recordings::Channel::field, recordings::Channel::charge, recordings::Channel::displacement,
+    recordings::Channel::force};
+
+struct MeasuredChannel {
+  recordings::Channel channel = recordings::Channel::displacement;
+  std::vector<double> value;     // at the rows; NaN where nothing was measured
+  double range = 0;              // highest less lowest
+  double scatter = 0;            // standard deviation of white noise, of all samples (statistics.h)
+  bool offset_is_free = false;   // zeroed at the first sample: any offset is as good as another
+};
+
+struct BenchRecording {
+  std::string name;
+  recordings::Header header;
+  bool has_command = false;
+  std::vector<double> knot_time, knot_field;  // the drive, linear between its knots
+  std::vector<double> time;                   // of the rows, from the first sample
+  std::vector<Stretch> stretch;               // of the rows
+  std::vector<MeasuredChannel> channels;
+
+  double duration() const { return knot_time.back(); }
+  const MeasuredChannel* find(recordings::Channel channel) const;
+};
+
+// The recordings in the order given, with about `rows` rows together. What was left out and why goes to
+// `warnings`. Throws Error(bad_recording) that names the recording if one cannot be compared with anything.
+std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedRecording>& recordings,
+                                    std::size_t rows, std::vector<std::string>& warnings);
+
+// The model as it stands for one recording, and what it says at the recording's rows, in the order of its
+// channels. Throws Error(numerical) if the model cannot be solved.
+std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& recording,
+                                                const SimulationOptions& options);
+
+// Which recordings to lock away for the proof: about a quarter of them (none of fewer than three), so that
+// every kind of stretch, and every load, stays on both sides as far as that goes.
+std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings);
+
+}  // namespace ferrobench::model::discrepancy

@@ -1,0 +1,112 @@
+#include "model/discrepancy/coordinates.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/fit/parameters.h"
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+constexpr double known_to = 0.12, factor_known_to = 0.05, gain_known_to = 0.03;
+constexpr double farthest = 12;  // in prior standard deviations
+
+Coordinate with_prior(std::string path, double from, double scale) {
+  return {.path = std::move(path), .from = from, .scale = scale, .low = -farthest, .high = farthest};
+}
+
+}  // namespace
+
+double Coordinate::value(double z) const {
+  return logarithmic ? from * std::exp(scale * z) : from + scale * z;
+}
+
+double Coordinate::slope(double z) const {
+  return logarithmic ? scale * value(z) : scale;
+}
+
+bool Coordinate::of_model() const {
+  return !path.starts_with("gain.") && !path.starts_with("factor.");
+}
+
+Setting setting_at(const Hypothesis& h, const Eigen::VectorXd& z) {
+  Setting out;
+  std::vector<std::pair<std::string, double>> values;
+  for (std::size_t i = 0; i < h.coordinates.size(); ++i) {
+    const auto& c = h.coordinates[i];
+    const double value = c.value(z[static_cast<Eigen::Index>(i)]);
+    if (c.of_model())
+      values.emplace_back(c.path, value);
+    else if (c.path == "factor.spring_stiffness")
+      out.spring_factor = value;
+    else if (c.path == "factor.prestress")
+      out.prestress_factor = value;
+    else
+      for (std::size_t k = 0; k < compared_channels.size(); ++k)
+        if (c.path.substr(5) == recordings::channel_name(compared_channels.at(k))) out.gain.at(k) = value;
+  }
+  out.model = with_parameters(h.model, values);
+  return out;
+}
+
+Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>& bench) {
+  Hypothesis out{.model = model, .coordinates = {}, .base_count = 0};
+  for (const auto& path : parameter_paths(model)) {
+    const bool wanted = path.starts_with("material.") || path.starts_with("polycrystal.") ||
+                        path.starts_with("effects.") || path == "actuator.passive_stiffness";
+    // Temperature and activation volume are one number, their ratio.
+    if (!wanted || path == "material.temperature") continue;
+    const double value = get_parameter(model, path);
+    // What is zero is absent; to switch it on is an effect.
+    if (value != 0) out.coordinates.push_back(with_prior(path, value, known_to));
+  }
+  const auto any = [&](auto&& test) { return std::ranges::any_of(bench, test); };
+  if (any([](const BenchRecording& r) { return r.header.load.spring_stiffness > 0; }))
+    out.coordinates.push_back(with_prior("factor.spring_stiffness", 1, factor_known_to));
+  if (any([](const BenchRecording& r) { return r.header.load.prestress > 0; }))
+    out.coordinates.push_back(with_prior("factor.prestress", 1, factor_known_to));
+  for (const auto channel : compared_channels)
+    if (any([channel](const BenchRecording& r) { return r.find(channel) != nullptr; }))
+      out.coordinates.push_back(
+          with_prior("gain." + std::string(recordings::channel_name(channel)), 1, gain_known_to));
+  out.base_count = out.coordinates.size();
+  return out;
+}
+
+Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vector<double>& values) {
+  auto out = h;
+  EffectSetting setting{.id = std::string(effect.id), .parameters = {}};
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto& p = effect.parameters[i];
+    setting.parameters.emplace_back(p.name, values[i]);
+    Coordinate c;
+    c.path = "effects." + setting.id + "." + std::string(p.name);
+    c.from = values[i];
+    c.prior = false;
+    const bool linear = p.any_sign && i == 0;
+    c.logarithmic = !linear;
+    // A frequency is known far better than any other shape.
+    c.scale = linear ? 0.3 * std::abs(values[i]) : p.name == "frequency" ? 1e-4 : i == 0 ? 0.3 : 0.5;
+    if (linear) {
+      c.low = -(10 * p.high + std::abs(values[i])) / c.scale;
+      c.high = -c.low;
+    } else {
+      const double reach = p.name == "frequency" ? 1 : i == 0 ? 30 : 3;
+      c.low = std::log(p.low / reach / std::abs(values[i])) / c.scale;
+      c.high = std::log(p.high * reach / std::abs(values[i])) / c.scale;
+      c.low = std::min(c.low, -1.0);
+      c.high = std::max(c.high, 1.0);
+    }
+    out.coordinates.push_back(c);
+  }
+  out.model.effects.push_back(std::move(setting));
+  return out;
+}
+
+Amplitude::Amplitude(const EffectParameter& p)
+    : off_at_infinity(p.off_at_infinity), any_sign(p.any_sign) {
+  weak = strength(p.off_at_infinity ? p.high : p.low);
+  strong = strength(p.off_at_infinity ? p.low : p.high);
+}
+
+}  // namespace ferrobench::model::discrepancy

@@ -1,0 +1,140 @@
+// Where a model and recordings of a bench disagree, what is missing in the model, and the proof on recordings
+// that were not used.
+//
+// Residuals are counted in standard deviations of each channel's noise (excess, gap, odds). The base model's
+// own parameters, and gains and offsets of the channels, are recalibrated first, within priors; what remains
+// is compared with every effect of the catalogue, each refitted together with the parameters. An effect is
+// named only if with it nothing more is left; else the answer is "unknown".
+#pragma once
+
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "model/effects/catalogue.h"
+#include "model/model.h"
+#include "recordings/recording.h"
+
+namespace ferrobench::model {
+
+struct NamedRecording {
+  std::string name;
+  recordings::Recording recording;
+};
+
+enum class Verdict { named, ambiguous, unknown, nothing_missing };
+std::span<const std::pair<Verdict, std::string_view>> enum_names(Verdict);
+
+struct EffectEstimate {
+  struct Parameter {
+    std::string name;
+    double value = 0;          // SI
+    double low = 0, high = 0;  // 90 % interval
+  };
+  std::string id;
+  std::vector<Parameter> parameters;
+};
+
+struct Explanation {
+  std::vector<EffectEstimate> effects;
+  double probability = 0;
+};
+
+// Root mean square of the residual over noise, of one channel in one kind of segment of one recording.
+struct Excess {
+  std::string recording;
+  recordings::Channel channel = recordings::Channel::displacement;
+  std::string segment;
+  double excess = 0;
+};
+
+struct Recalibration {
+  double from = 0, to = 0, std = 0;
+};
+
+// By channel; a channel that was not measured is absent. 1 is noise alone.
+using ChannelFigures = std::map<recordings::Channel, double>;
+
+struct Gap {
+  std::vector<std::string> recordings;
+  ChannelFigures before, after;
+};
+
+struct NextExperiment {
+  std::string protocol;      // name in the protocol library
+  double expected_odds = 0;  // of the better explanation against the other, after it
+};
+
+// For a picture: a stretch of a recording where the gap is seen best.
+struct Trace {
+  std::string recording;
+  recordings::Channel channel = recordings::Channel::displacement;
+  std::string segment;
+  bool held_out = false;
+  std::vector<double> time, measured, before, after;  // SI
+};
+
+struct ChannelNoise {
+  double std = 0;  // SI
+  bool correlated = false;
+  double correlation_time = 0;  // s, of the correlated part
+};
+
+struct Health {
+  double seconds = 0;
+  int simulations = 0;
+  double numerical_error_over_noise = 0;
+  int starts = 0;            // of the base model's fit
+  double start_spread = 0;   // of the starts' sums of squares: best to second best, relative
+  double largest_left = 0;   // sufficiency: the best other effect's drop of the sum of squares, once repaired
+  double allowed_left = 0;
+  std::map<recordings::Channel, ChannelNoise> noise;
+  std::vector<std::string> warnings;
+};
+
+struct Discovery {
+  Verdict verdict = Verdict::nothing_missing;
+  std::vector<Explanation> explanations;  // best first; "unknown" and "nothing" take the rest of 1
+  double probability_unknown = 0, probability_nothing = 0;
+  std::optional<Family> family;  // where something is missing
+  std::vector<Excess> where;     // worst first, after the recalibration of the base model
+  std::map<std::string, Recalibration> recalibrated;
+  Gap train, held_out;
+  std::vector<std::vector<std::string>> equivalent;
+  std::vector<std::string> not_testable;
+  std::map<std::string, std::map<std::string, double>> smallest_detectable;
+  std::optional<NextExperiment> next_experiment;
+  Model recalibrated_base;  // without any effect more
+  Model improved;
+  std::vector<std::string> sentences;  // the report's text, one finding each
+  std::vector<Trace> traces;
+  Health health;
+};
+
+struct DiscoverProgress {
+  std::string stage;
+  double fraction = 0;  // of the whole
+};
+
+struct DiscoverOptions {
+  std::vector<std::string> held_out;  // names; empty: chosen
+  // Effects that may be named; empty: the whole catalogue.
+  std::vector<std::string> candidates;
+  std::uint64_t seed = 1;
+  int threads = 0;  // 0: as many as the machine has
+  // Called now and then; false stops with Error(cancelled).
+  std::function<bool(const DiscoverProgress&)> progress;
+};
+
+// Throws Error(bad_recording) naming the recording if one cannot be used, Error(invalid_params) for unknown
+// names of held-out recordings or candidates.
+Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
+                   const DiscoverOptions& options = {});
+
+nlohmann::json to_json(const Discovery& discovery);
+
+}  // namespace ferrobench::model

@@ -1,0 +1,142 @@
+#include "model/discrepancy/least_squares.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+constexpr double difference = 0.1;  // in z
+
+double priors(const Hypothesis& h, const Eigen::VectorXd& z) {
+  double sum = 0;
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    if (h.coordinates[static_cast<std::size_t>(i)].prior) sum += z[i] * z[i];
+  return sum;
+}
+
+Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
+  for (Eigen::Index i = 0; i < z.size(); ++i) {
+    const auto& c = h.coordinates[static_cast<std::size_t>(i)];
+    z[i] = std::clamp(z[i], c.low, c.high);
+  }
+  return z;
+}
+
+void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from) {
+  const auto n = fit.z.size();
+  std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
+  std::vector<double> steps;
+  for (Eigen::Index i = from; i < n; ++i) {
+    auto z = fit.z;
+    const auto& c = fit.hypothesis.coordinates[static_cast<std::size_t>(i)];
+    const double step = z[i] + difference > c.high ? -difference : difference;
+    z[i] += step;
+    places.emplace_back(&fit.hypothesis, std::move(z));
+    steps.push_back(step);
+  }
+  const auto moved = misfit.residuals(places);
+  fit.jacobian.conservativeResize(misfit.size(), n);
+  for (Eigen::Index i = from; i < n; ++i)
+    fit.jacobian.col(i) = (moved[static_cast<std::size_t>(i - from)] - fit.residual) /
+                          steps[static_cast<std::size_t>(i - from)];
+}
+
+}  // namespace
+
+Eigen::MatrixXd Fit::normal() const {
+  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(z.size(), z.size());
+  a.selfadjointView<Eigen::Lower>().rankUpdate(jacobian.transpose());
+  a = a.selfadjointView<Eigen::Lower>();
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    a(i, i) += hypothesis.coordinates[static_cast<std::size_t>(i)].prior ? 1.0 : 1e-9;
+  return a;
+}
+
+Eigen::VectorXd Fit::gradient() const {
+  Eigen::VectorXd b = jacobian.transpose() * residual;
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    if (hypothesis.coordinates[static_cast<std::size_t>(i)].prior) b[i] += z[i];
+  return b;
+}
+
+void refresh(const Misfit& misfit, Fit& fit) {
+  make_columns(misfit, fit, 0);
+  fit.fresh = true;
+}
+
+Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, const FitLimits& limits,
+        const Eigen::MatrixXd* jacobian) {
+  Fit out{.hypothesis = hypothesis, .z = within(hypothesis, z), .residual = {}, .jacobian = {}};
+  out.residual = misfit.residuals(hypothesis, out.z);
+  out.squares = out.residual.squaredNorm() + priors(hypothesis, out.z);
+  int refreshes = 0;
+  if (jacobian != nullptr) {
+    out.jacobian = *jacobian;
+    make_columns(misfit, out, jacobian->cols());
+  } else {
+    refresh(misfit, out);
+    ++refreshes;
+  }
+  double damping = 1e-3, gained = 0;
+  for (int i = 0; i < limits.iterations; ++i) {
+    if (limits.tick) limits.tick();
+    const Eigen::MatrixXd normal = out.normal();
+    const Eigen::VectorXd gradient = out.gradient();
+    Eigen::MatrixXd damped = normal;
+    damped.diagonal() *= 1 + damping;
+    Eigen::VectorXd step = -damped.ldlt().solve(gradient);
+    // No further at once than the model may be trusted to be nearly linear.
+    if (const double longest = step.cwiseAbs().maxCoeff(); longest > 4) step *= 4 / longest;
+    const Eigen::VectorXd next = within(hypothesis, out.z + step);
+    step = next - out.z;
+    const double promised = -(2 * gradient.dot(step) + step.dot(normal * step));
+    auto residual = misfit.residuals(hypothesis, next);
+    const double squares = residual.squaredNorm() + priors(hypothesis, next);
+    const double gain = out.squares - squares;
+    if (const double length = step.squaredNorm(); length > 1e-12) {
+      // What the Jacobian did not foresee, it learns.
+      if (gain > 0 || promised < 1e3 * std::abs(gain))
+        out.jacobian += (residual - out.residual - out.jacobian * step) * (step / length).transpose();
+    }
+    const bool was_fresh = out.fresh;
+    if (gain > 0) {
+      out.z = next;
+      out.residual = std::move(residual);
+      out.squares = squares;
+      gained += gain;
+    }
+    out.fresh = false;
+    damping = gain > 0.5 * promised ? damping * 0.2 : damping * (gain > 0 ? 1.5 : 8);
+    const double enough = std::max(limits.enough, 1e-4 * gained);
+    if (gain > std::max(enough, 0.25 * promised)) continue;
+    if (gain >= 0 && gain <= enough && promised <= 4 * enough && (was_fresh || refreshes >= limits.refreshes)) break;
+    if (refreshes < limits.refreshes && !was_fresh) {
+      refresh(misfit, out);
+      ++refreshes;
+      damping = std::min(damping, 1e-2);
+    } else if (promised < enough || damping > 1e5) {
+      break;
+    }
+  }
+  return out;
+}
+
+Projection::Projection(const Fit& fit) : fit_(fit), factor_(fit.normal()), gradient_(fit.gradient()) {}
+
+Eigen::VectorXd Projection::taken(const Eigen::VectorXd& r) const {
+  return factor_.solve(fit_.jacobian.transpose() * r);
+}
+
+double Projection::inner(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
+  return a.dot(b) - (fit_.jacobian.transpose() * a).dot(taken(b));
+}
+
+Drop Projection::drop(const Eigen::VectorXd& r) const {
+  const Eigen::VectorXd shared = fit_.jacobian.transpose() * r;
+  const Eigen::VectorXd solved = factor_.solve(shared);
+  return {.along = -(r.dot(fit_.residual) - gradient_.dot(solved)),
+          .across = std::max(0.0, r.squaredNorm() - shared.dot(solved))};
+}
+
+}  // namespace ferrobench::model::discrepancy

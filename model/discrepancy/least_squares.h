@@ -1,0 +1,56 @@
+// Fitting a hypothesis: Levenberg-Marquardt on whitened residuals and priors. The Jacobian is made of
+// differences, once, and kept up by Broyden's updates until it no longer helps.
+#pragma once
+
+#include "model/discrepancy/misfit.h"
+
+namespace ferrobench::model::discrepancy {
+
+struct Fit {
+  Hypothesis hypothesis;
+  Eigen::VectorXd z;
+  Eigen::VectorXd residual;   // whitened, at z
+  Eigen::MatrixXd jacobian;   // of the residual, at or near z
+  double squares = 0;         // of residual and priors: -2 ln posterior
+  bool fresh = false;         // the jacobian was made at z
+
+  Eigen::MatrixXd normal() const;  // J^T J and the priors' precision
+  Eigen::VectorXd gradient() const;
+};
+
+struct FitLimits {
+  int iterations = 12;
+  int refreshes = 2;        // full Jacobians, at most
+  double enough = 0.5;      // a smaller gain, or a smaller share than 1e-4 of what was gained, ends it
+  std::function<void()> tick;  // called after each simulation round; may throw
+};
+
+// From z. `jacobian`: of the first columns, where they are known already.
+Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, const FitLimits& limits,
+        const Eigen::MatrixXd* jacobian = nullptr);
+// Makes the Jacobian anew at the fit's z.
+void refresh(const Misfit& misfit, Fit& fit);
+
+// The part of the sum of squares that a change `r` of the residual leaves once all coordinates have followed:
+//   drop(a r) = 2 a along - a^2 across
+struct Drop {
+  double along = 0;   // -(r . e) without what the coordinates take up
+  double across = 0;  // (r . r) likewise
+  double best() const { return across > 0 ? along * along / across : 0; }
+  double at(double a) const { return 2 * a * along - a * a * across; }
+};
+class Projection {
+ public:
+  explicit Projection(const Fit& fit);
+  Drop drop(const Eigen::VectorXd& r) const;
+  // r without what the coordinates take up, as the coefficients that they would take.
+  Eigen::VectorXd taken(const Eigen::VectorXd& r) const;
+  double inner(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+
+ private:
+  const Fit& fit_;
+  Eigen::LDLT<Eigen::MatrixXd> factor_;
+  Eigen::VectorXd gradient_;
+};
+
+}  // namespace ferrobench::model::discrepancy

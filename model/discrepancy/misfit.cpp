@@ -1,0 +1,180 @@
+#include "model/discrepancy/misfit.h"
+
+#include <cmath>
+#include <exception>
+#include <mutex>
+#include <thread>
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+constexpr double believed_offset = 0.03;  // of the range
+constexpr double unsolvable = 1e6;
+
+}  // namespace
+
+void in_parallel(std::size_t count, int threads, const std::function<void(std::size_t)>& task) {
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr failure;
+  std::mutex mutex;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < count; i = next++) {
+      try {
+        task(i);
+      } catch (...) {
+        const std::scoped_lock lock(mutex);
+        if (!failure) failure = std::current_exception();
+        next = count;
+      }
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::size_t t = 1; t < std::min<std::size_t>(static_cast<std::size_t>(threads), count); ++t)
+      others.emplace_back(work);
+    work();
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+Misfit::Misfit(const std::vector<BenchRecording>& bench, const std::vector<std::vector<NoiseModel>>& noise,
+               std::vector<std::size_t> chosen, SimulationOptions simulation, int threads)
+    : bench_(bench), noise_(noise), chosen_(std::move(chosen)), simulation_(simulation), threads_(threads) {
+  for (const std::size_t r : chosen_) {
+    const std::size_t first = blocks_.size();
+    for (std::size_t c = 0; c < bench_[r].channels.size(); ++c) {
+      const auto& m = bench_[r].channels[c];
+      Block block{.recording = r, .channel = c, .begin = size_, .count = 0, .rows = {}};
+      std::vector<double> times;
+      for (std::size_t i = 0; i < m.value.size(); ++i) {
+        if (std::isnan(m.value[i])) continue;
+        block.rows.push_back(i);
+        times.push_back(bench_[r].time[i]);
+      }
+      block.count = static_cast<Eigen::Index>(block.rows.size());
+      size_ += block.count;
+      Prepared p{.whitening = Whitening(noise_[r][c], times),
+                 .constant = Eigen::VectorXd::Ones(block.count),
+                 .share = 0};
+      p.whitening.apply({p.constant.data(), block.rows.size()});
+      // The marginal likelihood over the offset: its precision is this share less along `constant`.
+      const double s = p.constant.squaredNorm();
+      const double prior = m.offset_is_free ? 0 : 1 / std::pow(believed_offset * m.range, 2);
+      p.share = (1 - std::sqrt(prior / (s + prior))) / s;
+      prepared_.push_back(std::move(p));
+      blocks_.push_back(std::move(block));
+    }
+    blocks_of_.emplace_back(first, blocks_.size());
+  }
+}
+
+std::vector<std::vector<double>> Misfit::channels(const Setting& setting, std::size_t recording) const {
+  auto r = bench_[recording].header;
+  BenchRecording moved;
+  const BenchRecording* at = &bench_[recording];
+  if (setting.spring_factor != 1 || setting.prestress_factor != 1) {
+    moved = *at;
+    moved.header.load.spring_stiffness *= setting.spring_factor;
+    moved.header.load.prestress *= setting.prestress_factor;
+    at = &moved;
+  }
+  auto out = simulate_bench(setting.model, *at, simulation_);
+  for (std::size_t c = 0; c < out.size(); ++c)
+    for (std::size_t k = 0; k < compared_channels.size(); ++k)
+      if (at->channels[c].channel == compared_channels.at(k) && setting.gain.at(k) != 1)
+        for (double& v : out[c]) v *= setting.gain.at(k);
+  return out;
+}
+
+void Misfit::finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const {
+  const auto& p = prepared_[block];
+  p.whitening.apply({part.data(), static_cast<std::size_t>(part.size())});
+  part -= p.share * p.constant.dot(part) * p.constant;
+}
+
+void Misfit::fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const {
+  const auto [first, last] = blocks_of_[position];
+  std::vector<std::vector<double>> simulated;
+  try {
+    simulated = channels(setting, chosen_[position]);
+  } catch (const Error& e) {
+    if (e.code() == ErrorCode::cancelled) throw;
+    for (std::size_t b = first; b < last; ++b)
+      out.segment(blocks_[b].begin, blocks_[b].count).setConstant(unsolvable);
+    return;
+  }
+  for (std::size_t b = first; b < last; ++b) {
+    const auto& block = blocks_[b];
+    const auto& measured = bench_[block.recording].channels[block.channel].value;
+    auto part = out.segment(block.begin, block.count);
+    for (std::size_t i = 0; i < block.rows.size(); ++i) {
+      const double miss = measured[block.rows[i]] - simulated[block.channel][block.rows[i]];
+      part[static_cast<Eigen::Index>(i)] = std::isfinite(miss) ? miss : 0;
+    }
+    finish(b, part);
+  }
+}
+
+std::vector<Eigen::VectorXd> Misfit::residuals(
+    const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const {
+  std::vector<Eigen::VectorXd> out(places.size(), Eigen::VectorXd(size_));
+  std::vector<std::optional<Setting>> settings(places.size());
+  for (std::size_t p = 0; p < places.size(); ++p) {
+    try {
+      settings[p] = setting_at(*places[p].first, places[p].second);
+    } catch (const Error&) {
+      out[p].setConstant(unsolvable);
+    }
+  }
+  in_parallel(places.size() * chosen_.size(), threads_, [&](std::size_t i) {
+    const std::size_t p = i / chosen_.size();
+    if (settings[p]) fill(*settings[p], i % chosen_.size(), out[p]);
+  });
+  simulations_ += static_cast<int>(places.size());
+  return out;
+}
+
+Eigen::VectorXd Misfit::residuals(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const {
+  return residuals({{&hypothesis, z}}).front();
+}
+
+Eigen::VectorXd Misfit::whiten(const Block& block, const std::vector<double>& signal) const {
+  Eigen::VectorXd part(block.count);
+  for (std::size_t i = 0; i < block.rows.size(); ++i)
+    part[static_cast<Eigen::Index>(i)] = signal[block.rows[i]];
+  finish(static_cast<std::size_t>(&block - blocks_.data()), part);
+  return part;
+}
+
+std::vector<std::vector<double>> Misfit::simulated(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                                   std::size_t recording) const {
+  auto out = channels(setting_at(hypothesis, z), recording);
+  for (std::size_t c = 0; c < out.size(); ++c) {
+    const auto& m = bench_[recording].channels[c];
+    double sum = 0, n = 0;
+    for (std::size_t i = 0; i < out[c].size(); ++i) {
+      if (std::isnan(m.value[i])) continue;
+      sum += m.value[i] - out[c][i];
+      ++n;
+    }
+    double offset = n > 0 ? sum / n : 0;
+    if (!m.offset_is_free) {
+      // Shrunk as the prior on offsets has it.
+      const double prior = std::pow(believed_offset * m.range, 2), own = std::pow(noise_[recording][c].std(), 2);
+      offset *= prior / (prior + own / std::max(1.0, n));
+    }
+    for (double& v : out[c]) v += offset;
+  }
+  return out;
+}
+
+std::vector<double> Misfit::plain_residual(std::size_t recording, std::size_t channel,
+                                           const std::vector<double>& simulated) const {
+  const auto& measured = bench_[recording].channels[channel].value;
+  const double std = noise_[recording][channel].std();
+  std::vector<double> out(measured.size());
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (measured[i] - simulated[i]) / std;
+  return out;
+}
+
+}  // namespace ferrobench::model::discrepancy

@@ -1,0 +1,74 @@
+// Residuals of a hypothesis on a set of recordings, in standard deviations of the noise and whitened; an
+// offset of each recording's channels is taken out, as far as 3 % of the range are believed.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+
+#include "model/discrepancy/coordinates.h"
+#include "model/discrepancy/noise.h"
+
+namespace ferrobench::model::discrepancy {
+
+// Calls task(0 .. count-1), spread over threads; the first exception is thrown again.
+void in_parallel(std::size_t count, int threads, const std::function<void(std::size_t)>& task);
+
+struct Block {
+  std::size_t recording = 0, channel = 0;  // indices in the bench
+  Eigen::Index begin = 0, count = 0;       // rows of the residual
+  std::vector<std::size_t> rows;           // of the recording that were measured
+};
+
+class Misfit {
+ public:
+  // Of the recordings chosen. `bench` must outlive it.
+  Misfit(const std::vector<BenchRecording>& bench, const std::vector<std::vector<NoiseModel>>& noise,
+         std::vector<std::size_t> chosen, SimulationOptions simulation, int threads);
+
+  Eigen::Index size() const { return size_; }
+  const std::vector<Block>& blocks() const { return blocks_; }
+  const std::vector<BenchRecording>& bench() const { return bench_; }
+  const std::vector<std::size_t>& chosen() const { return chosen_; }
+  int threads() const { return threads_; }
+
+  // Measured less simulated. If the model cannot be solved there: rows of 1e6.
+  Eigen::VectorXd residuals(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const;
+  // At several places at once, spread over the threads.
+  std::vector<Eigen::VectorXd> residuals(
+      const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const;
+  // A signal in SI of one block's rows (of the recording's length) as it would enter the residual.
+  Eigen::VectorXd whiten(const Block& block, const std::vector<double>& signal) const;
+  // What the hypothesis gives for a recording's channels in SI, gains and factors included, offset too.
+  std::vector<std::vector<double>> simulated(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                             std::size_t recording) const;
+  // Measured less simulated over the noise's standard deviation, not whitened; NaN where not measured.
+  std::vector<double> plain_residual(std::size_t recording, std::size_t channel,
+                                     const std::vector<double>& simulated) const;
+
+  int simulations() const { return simulations_; }  // of the whole set
+  const SimulationOptions& simulation() const { return simulation_; }
+
+ private:
+  struct Prepared {
+    Whitening whitening;
+    Eigen::VectorXd constant;  // whitened offset of 1
+    double share = 0;          // of it to take out
+  };
+  void fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const;
+  void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
+  std::vector<std::vector<double>> channels(const Setting& setting, std::size_t recording) const;
+
+  const std::vector<BenchRecording>& bench_;
+  const std::vector<std::vector<NoiseModel>>& noise_;
+  std::vector<std::size_t> chosen_;
+  SimulationOptions simulation_;
+  int threads_;
+  std::vector<Block> blocks_;
+  std::vector<Prepared> prepared_;
+  std::vector<std::pair<std::size_t, std::size_t>> blocks_of_;  // by position in chosen_: first, past last
+  Eigen::Index size_ = 0;
+  mutable std::atomic<int> simulations_{0};
+};
+
+}  // namespace ferrobench::model::discrepancy

@@ -1,0 +1,28 @@
+// Which effects could explain what a fit leaves, without refitting: each is simulated at a few shapes with an
+// amplitude found on the way, and what the fit's own coordinates could take up of it is projected out.
+#pragma once
+
+#include "model/discrepancy/least_squares.h"
+
+namespace ferrobench::model::discrepancy {
+
+struct Screened {
+  const Effect* effect = nullptr;
+  std::vector<double> values;  // of its parameters, where it explains most
+  double drop = 0;             // of the sum of squares
+  Eigen::VectorXd response;    // change of the whitened residual at `values`
+  // The largest response at a plausible size, as a sum of squares that no coordinate can take up.
+  double excited = 0;
+  double strength = 0, across = 0;  // Amplitude::strength where the response was last seen, and its square
+};
+
+struct ScreenOptions {
+  std::span<const Effect* const> effects;
+  int rounds = 5;
+  std::function<void(double)> tick;  // with the share done; may throw
+};
+
+// Best first. `fit` must have a fresh Jacobian.
+std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenOptions& options);
+
+}  // namespace ferrobench::model::discrepancy
