@@ -31,10 +31,11 @@ Ensemble::Ensemble(const Domains& given, const KineticConstants& constants, doub
     largest_stress_ = std::max(largest_stress_, std::abs(given.stress[from]));
     largest_barrier_ = std::max(largest_barrier_, given.barrier[from]);
   }
+  // So must those past the last one awake: rates that agree with their logarithms, even if long out of date.
   for (auto* rates : {&now_, &then_})
     for (std::size_t j = 0; j < 4; ++j) {
       rates->log_rate[j].assign(padded, 0.0);
-      rates->rate[j].assign(padded, 0.0);
+      rates->rate[j].assign(padded, 1.0);
     }
   for (auto* column : {&then_plus_, &then_minus_, &outflow_falling_, &outflow_rising_})
     column->assign(padded, 0.0);
