@@ -42,7 +42,6 @@ TEST_P(EachReference, IsGivenBack) {
     if (*high - *low < 1e-9) continue;  // no spring: the force does not move
     const double error = apart(theirs, channel_of(ours, channel));
     RecordProperty(std::string(channel_name(channel)), std::to_string(error));
-    std::printf("  %s %s %.1e\n", GetParam().c_str(), std::string(channel_name(channel)).c_str(), error);
     EXPECT_LT(error, allowed) << channel_name(channel);
   }
 }
@@ -71,10 +70,30 @@ TEST(StatedError, OfTimeIsNearTheTrueOne) {
     const auto plain = simulate_on(model, recording, options);
     options.tolerance = 1e-7;
     const double error = true_error(model, plain, simulate_on(model, recording, options));
-    std::printf("  %s stated %.1e true %.1e\n", name.c_str(), plain.time_error, error);
     EXPECT_GT(plain.time_error, error / 3) << name;
     EXPECT_LT(plain.time_error, error * 30) << name;
     EXPECT_LT(error, 2e-4) << name;
+  }
+}
+
+// Among the draws are models whose domains outlast their barriers (tau long against the field's rise) and
+// those that switch long before.
+TEST(StatedError, OfTimeIsNearTheTrueOneForRandomModels) {
+  for (const unsigned seed : {11u, 13u, 14u}) {
+    Draw draw(seed);
+    for (int i = 0; i < 20; ++i) {
+      const auto model = draw.model();
+      const auto program = draw.program();
+      const auto at = [&](double tolerance) {
+        return simulate(model, program.time, program.field,
+                        {.tolerance = tolerance, .domains = 256, .shift = 0});
+      };
+      const auto plain = at(1e-4);
+      const double error = true_error(model, plain, at(2e-6));
+      EXPECT_GT(plain.time_error, error / 6) << "seed " << seed << " draw " << i;
+      EXPECT_LT(plain.time_error, error * 6) << "seed " << seed << " draw " << i;
+      EXPECT_LT(error, 4e-4) << "seed " << seed << " draw " << i;
+    }
   }
 }
 
@@ -87,7 +106,6 @@ TEST(StatedError, OfTheQuadratureIsNearTheTrueOne) {
       const auto many = simulate_on(model, recording, {.tolerance = 1e-4, .domains = 30000, .shift = 0});
       const double error =
           std::max(apart(many.charge, few.charge), apart(many.displacement, few.displacement));
-      std::printf("  %s %d stated %.1e true %.1e\n", name.c_str(), count, few.quadrature_error, error);
       EXPECT_GT(few.quadrature_error, error / 3) << name << " " << count;
       EXPECT_LT(few.quadrature_error, error * 30) << name << " " << count;
     }
@@ -111,11 +129,9 @@ TEST(Defaults, AreConvergedOrSayThatTheyAreNot) {
         simulate(model, program.time, program.field, {.tolerance = 1e-4, .domains = 8000, .shift = 1});
     const double error = change(exact, plain);
     converged += error < 2e-3;
-    if (error >= 2e-3) std::printf("  draw %d error %.1e stated %.1e\n", i, error, plain.quadrature_error);
     EXPECT_GT(plain.quadrature_error, error / 4) << "draw " << i << "\n" << to_json(model).dump(1);
     EXPECT_LT(change(exact, finer), 2e-3) << "draw " << i;
   }
-  std::printf("  %d of 20 within 0.2 %%\n", converged);
   EXPECT_GE(converged, 19);
 }
 
