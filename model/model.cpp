@@ -212,8 +212,7 @@ Model model_from_json(const nlohmann::json& json) {
                         .allowed = "ferrobench-model"});
   if (problems.empty()) {
     read_effects(file, problems);
-    const auto more = check_effects(file.model.effects, "/effects");
-    problems.insert(problems.end(), more.begin(), more.end());
+    if (problems.empty()) problems = check_effects(file.model.effects, "/effects");
     check_polycrystal(file.model.polycrystal, problems);
   }
   if (!problems.empty()) throw Error(ErrorCode::bad_model, "the model is not valid", std::move(problems));
