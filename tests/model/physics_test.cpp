@@ -1,7 +1,10 @@
 // Laws that the physics obeys whatever its constants.
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "model/physics/barrier.h"
+#include "model/physics/wells.h"
 #include "tests/model/random_models.h"
 
 namespace ferrobench::model {
@@ -34,6 +37,199 @@ TEST(Fractions, StayFractions) {
       EXPECT_LE(plus + minus, 1 + 1e-9);
     }
   }
+}
+
+// F_{a,90} = g_a - g_90, whose derivatives by field and stress are -<P>_a + <P>_90 and -<eps>_a + <eps>_90.
+TEST(Wells, AreTheDerivativesOfTheFreeEnergy) {
+  Material m;
+  m.permittivity_90 = 3e-8;
+  m.compliance_90 = 2.3e-11;
+  const auto k = kinetic_constants(m);
+  for (const double field : {-1.5e6, 0.0, 0.7e6})
+    for (const double stress : {-30e6, 0.0, 5e6}) {
+      const auto by = [&](double field_step, double stress_step, double step) {
+        const auto up = driving_forces(k, {field + field_step, stress + stress_step});
+        const auto down = driving_forces(k, {field - field_step, stress - stress_step});
+        return std::array{(up.plus_90 - down.plus_90) / (2 * step),
+                          (up.minus_90 - down.minus_90) / (2 * step)};
+      };
+      const auto by_field = by(1e3, 0, 1e3), by_stress = by(0, 1e4, 1e4);
+      for (const double sign : {1.0, -1.0}) {
+        const std::size_t a = sign > 0 ? 0 : 1;
+        const double polarization =
+            sign * m.remanent_polarization + m.permittivity_180 * field + sign * m.piezoelectric_180 * stress;
+        const double strain = m.compliance_180 * stress + sign * m.piezoelectric_180 * field;
+        const double polarization_90 = m.permittivity_90 * field;
+        const double strain_90 = m.remanent_strain_90 + m.compliance_90 * stress;
+        EXPECT_NEAR(by_field[a], polarization_90 - polarization, 1e-9);
+        EXPECT_NEAR(by_stress[a], strain_90 - strain, 1e-11);
+      }
+    }
+}
+
+// Everything that a simulation says, along a program that is played corner by corner.
+struct Walk {
+  std::vector<double> field, charge, displacement, force, polarization, strain, stress, plus, minus;
+};
+Walk walk(const Model& model, const Program& p, const SimulationOptions& options = {}) {
+  const std::size_t n = p.time.size();
+  Walk w;
+  for (auto* c : {&w.field, &w.charge, &w.displacement, &w.force, &w.polarization, &w.strain, &w.stress,
+                  &w.plus, &w.minus})
+    c->resize(n);
+  Simulator simulator(model, options);
+  simulator.start(p.field[0]);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto at = [i](std::vector<double>& c) { return std::span(c).subspan(i, 1); };
+    simulator.play(p.time[i] - simulator.time(), p.field[i], std::span(p.time).subspan(i, 1),
+                   {.field = at(w.field),
+                    .charge = at(w.charge),
+                    .displacement = at(w.displacement),
+                    .force = at(w.force),
+                    .polarization = at(w.polarization),
+                    .strain = at(w.strain),
+                    .stress = at(w.stress),
+                    .fraction_plus = at(w.plus),
+                    .fraction_minus = at(w.minus)});
+  }
+  return w;
+}
+
+TEST(Channels, FollowFromTheFractions) {
+  const auto model = crystal();
+  const auto& m = model.material;
+  const auto w = walk(model, loop());
+  for (std::size_t i = 0; i < w.field.size(); ++i) {
+    const double ninety = 1 - w.plus[i] - w.minus[i], order = w.plus[i] - w.minus[i];
+    const double kappa = m.permittivity_180 + (m.permittivity_90 - m.permittivity_180) * ninety;
+    const double compliance = m.compliance_180 + (m.compliance_90 - m.compliance_180) * ninety;
+    const double polarization =
+        order * m.remanent_polarization + kappa * w.field[i] + order * m.piezoelectric_180 * w.stress[i];
+    const double strain =
+        ninety * m.remanent_strain_90 + compliance * w.stress[i] + order * m.piezoelectric_180 * w.field[i];
+    EXPECT_NEAR(w.polarization[i], polarization, 1e-9);
+    EXPECT_NEAR(w.strain[i], strain, 1e-11);
+    EXPECT_NEAR(w.stress[i],
+                -model.load.prestress - model.load.spring_stiffness * w.displacement[i] / model.actuator.area,
+                1);
+    EXPECT_NEAR(w.force[i], -w.stress[i] * model.actuator.area, 1e-6);
+    EXPECT_NEAR(w.charge[i], 100 * model.actuator.area * w.polarization[i], 1e-12);  // 100 layers
+  }
+}
+
+// But for what a barrier of 27 kT lets through.
+TEST(Rest, KeepsThePoledState) {
+  auto model = library_model("soft-pzt");
+  model.polycrystal = {};
+  model.load = {};
+  const double time = 1000;
+  const auto w = walk(model, {{{0, 0}, {time, 0}}, 10}, {.tolerance = 1e-9});
+  const auto& m = model.material;
+  const double through =
+      time / m.relaxation_time * std::exp(-m.barrier * m.activation_volume / (boltzmann * m.temperature));
+  EXPECT_LT(through, 1e-6);
+  EXPECT_NEAR(1 - w.plus.back(), through, 0.01 * through);
+}
+
+TEST(Steps, ConvergeAsTheToleranceFalls) {
+  for (const bool poly : {false, true}) {
+    auto model = poly ? library_model("soft-pzt") : crystal();
+    const auto at = [&](double tolerance) {
+      const auto p = loop();
+      return simulate(model, p.time, p.field, {.tolerance = tolerance, .domains = 256, .shift = 0});
+    };
+    const auto exact = at(1e-8);
+    double last = 0.02;
+    for (const double tolerance : {1e-3, 1e-4, 1e-5, 1e-6}) {
+      const auto t = at(tolerance);
+      const double error = std::max(apart(exact.charge, t.charge), apart(exact.displacement, t.displacement));
+      EXPECT_LT(error, last / 2) << poly << " " << tolerance;
+      EXPECT_LT(error, 5 * tolerance) << poly << " " << tolerance;
+      last = error;
+    }
+  }
+}
+
+TEST(Program, PlayedPieceByPieceIsThatPlayedWhole) {
+  Draw draw(3);
+  for (int i = 0; i < 5; ++i) {
+    const auto model = draw.model();
+    const auto p = draw.program();
+    const SimulationOptions options{.tolerance = 1e-5, .domains = 128, .shift = 0};
+    const auto whole = simulate(model, p.time, p.field, options);
+    const auto pieces = walk(model, p, options);
+    EXPECT_LT(apart(whole.charge, pieces.charge), 1e-4) << i;
+    EXPECT_LT(apart(whole.displacement, pieces.displacement), 1e-4) << i;
+    EXPECT_LT(apart(whole.field, pieces.field), 1e-12) << i;
+  }
+}
+
+// Work done on the material in the last of several cycles, electrical and mechanical, J/m^3, and what its
+// switching turns into heat: - F_{+,90} dx+ - F_{-,90} dx-.
+struct Energy {
+  double electrical = 0, work = 0, heat = 0;
+};
+Energy last_cycle(const Model& model) {
+  const Program p{{{0, 0}, {0.1, 2e6}, {0.3, -2e6}, {0.5, 2e6}, {0.7, -2e6}, {0.9, 2e6}}, 1e-4};
+  const auto w = walk(model, p, {.tolerance = 1e-5, .domains = 256, .shift = 0});
+  const auto k = kinetic_constants(model.material);
+  Energy e;
+  for (std::size_t i = 5001; i < w.field.size(); ++i) {
+    const double field = 0.5 * (w.field[i] + w.field[i - 1]), stress = 0.5 * (w.stress[i] + w.stress[i - 1]);
+    const auto force = driving_forces(k, {field, stress});
+    const double electrical = field * (w.polarization[i] - w.polarization[i - 1]);
+    e.electrical += electrical;
+    e.work += electrical + stress * (w.strain[i] - w.strain[i - 1]);
+    e.heat -= force.plus_90 * (w.plus[i] - w.plus[i - 1]) + force.minus_90 * (w.minus[i] - w.minus[i - 1]);
+  }
+  return e;
+}
+
+TEST(Cycle, TurnsItsWorkIntoHeatOfSwitching) {
+  for (const double stiffness : {0.0, 2.7e6, 10e6}) {
+    auto model = crystal();
+    model.load.spring_stiffness = stiffness;
+    const auto e = last_cycle(model);
+    EXPECT_GT(e.heat, 1e5);
+    EXPECT_NEAR(e.work, e.heat, 0.005 * e.heat) << stiffness;
+    // Springs give back what they take: the work is the area of the loop of P over E.
+    EXPECT_NEAR(e.electrical, e.work, 0.01 * e.heat) << stiffness;
+  }
+}
+
+TEST(Cycle, TakesWorkWhateverTheModel) {
+  Draw draw(8);
+  for (int i = 0; i < 8; ++i) EXPECT_GT(last_cycle(draw.model()).electrical, 1e4) << i;
+}
+
+TEST(Spring, NoneKeepsTheStressAndAStiffOneKeepsTheLength) {
+  auto model = crystal();
+  const auto p = unipolar();
+  model.load.spring_stiffness = 0;
+  const auto free = walk(model, p);
+  for (std::size_t i = 0; i < free.stress.size(); ++i) {
+    EXPECT_NEAR(free.stress[i], -model.load.prestress, 1e-3);
+    EXPECT_NEAR(free.force[i], model.load.prestress * model.actuator.area, 1e-9);
+  }
+  const double stroke = free.displacement[1000 / 10];
+  EXPECT_NEAR(stroke, 2e6 * model.material.piezoelectric_180 * model.actuator.length, 0.05 * stroke);
+  model.load.spring_stiffness = 1e12;
+  const auto blocked = walk(model, p);
+  for (const double x : blocked.displacement) EXPECT_LT(std::abs(x), 2e-4 * stroke);
+  // d E = -s sigma while all is +180
+  EXPECT_NEAR(blocked.stress[100] + model.load.prestress,
+              -2e6 * model.material.piezoelectric_180 / model.material.compliance_180, 1e5);
+}
+
+TEST(PassiveLayers, ThatAreVeryStiffAreNone) {
+  auto model = crystal();
+  const auto none = run(model, loop());
+  model.actuator.passive_stiffness = 1e13;
+  const auto stiff = run(model, loop());
+  EXPECT_LT(apart(none.displacement, stiff.displacement), 1e-5);
+  EXPECT_LT(apart(none.charge, stiff.charge), 1e-5);
+  model.actuator.passive_stiffness = 1e7;
+  EXPECT_GT(apart(none.displacement, run(model, loop()).displacement), 1e-2);
 }
 
 }  // namespace
