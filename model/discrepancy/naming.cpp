@@ -1,0 +1,166 @@
+#include "model/discrepancy/naming.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "model/discrepancy/signals.h"
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+constexpr std::size_t most_refits = 10, most_firsts = 3, most_seconds = 4;
+constexpr double small_against = 0.004;
+
+std::vector<const Effect*> without(const std::vector<const Effect*>& all, const std::vector<const Effect*>& some) {
+  std::vector<const Effect*> out;
+  for (const auto* e : all)
+    if (std::ranges::find(some, e) == some.end()) out.push_back(e);
+  return out;
+}
+
+Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screened& s,
+            const std::vector<const Effect*>& before, const FitLimits& limits) {
+  Trial out;
+  out.effects = before;
+  out.effects.push_back(s.effect);
+  const auto hypothesis = with_effect(from.hypothesis, *s.effect, s.values);
+  Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hypothesis.coordinates.size()));
+  z.head(from.z.size()) = from.z - Projection(from).taken(s.response + from.residual);
+  // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base stands.
+  if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
+  out.fit = fit(misfit, hypothesis, z, limits, &from.jacobian);
+  out.drop = base.squares - out.fit.squares;
+  return out;
+}
+
+// Each recording left out in turn: the coordinates without it, one Gauss-Newton step away.
+std::vector<double> left_out_squares(const Misfit& misfit, const Fit& fit) {
+  const Eigen::MatrixXd all = fit.normal();
+  const Eigen::VectorXd gradient = fit.gradient();
+  std::vector<double> out;
+  std::set<std::size_t> recordings;
+  for (const auto& b : misfit.blocks()) recordings.insert(b.recording);
+  for (const std::size_t r : recordings) {
+    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(all.rows(), all.cols());
+    Eigen::VectorXd pull = Eigen::VectorXd::Zero(all.rows());
+    double squares = 0;
+    for (const auto& b : misfit.blocks()) {
+      if (b.recording != r) continue;
+      const auto j = fit.jacobian.middleRows(b.begin, b.count);
+      const auto e = fit.residual.segment(b.begin, b.count);
+      own += j.transpose() * j;
+      pull += j.transpose() * e;
+      squares += e.squaredNorm();
+    }
+    Eigen::MatrixXd rest = all - own;
+    rest.diagonal().array() += 1e-6 * all.diagonal().array();
+    const Eigen::VectorXd step = -rest.ldlt().solve(gradient - pull);
+    out.push_back(squares + 2 * pull.dot(step) + step.dot(own * step));
+  }
+  return out;
+}
+
+double cross_gain(const Misfit& misfit, const Fit& base, const Fit& fit) {
+  const auto before = left_out_squares(misfit, base), after = left_out_squares(misfit, fit);
+  double gain = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) gain += before[i] - after[i];
+  return gain;
+}
+
+}  // namespace
+
+double allowed_left(const NamingOptions& options, double drop) {
+  return std::max(options.second, small_against * drop);
+}
+
+double score(const Trial& t, double samples) {
+  double numbers = 0;
+  for (const auto* e : t.effects) numbers += static_cast<double>(e->parameters.size());
+  return t.drop - numbers * std::log(samples);
+}
+
+Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& options) {
+  Naming out;
+  const auto tick = [&](const std::string& stage, double fraction) {
+    if (options.tick) options.tick(stage, fraction);
+  };
+  const auto samples = static_cast<double>(misfit.size());
+  out.screened = screen(misfit, base,
+                        {.effects = options.candidates,
+                         .tick = [&](double f) { tick("trying every effect", 0.3 * f); }});
+  const auto check = [&](Trial& t, double from, double to) {
+    if (t.checked) return std::vector<Screened>{};
+    refresh(misfit, t.fit);
+    auto more = screen(misfit, t.fit,
+                       {.effects = without(options.candidates, t.effects),
+                        .rounds = 4,
+                        .tick = [&](double f) { tick("is it enough", from + (to - from) * f); }});
+    t.checked = true;
+    if (!more.empty()) {
+      t.left = more.front().drop;
+      t.left_name = more.front().effect->id;
+    }
+    const auto plain = explained_by_signals(misfit, t.fit);
+    if (plain.beyond_chance > t.left) {
+      t.left = plain.beyond_chance;
+      t.left_name = family_name(plain.family);
+    }
+    t.cross = cross_gain(misfit, base, t.fit);
+    return more;
+  };
+
+  FitLimits limits{.iterations = 10, .refreshes = 1, .enough = 1, .tick = {}};
+  for (std::size_t i = 0; i < std::min(most_refits, out.screened.size()); ++i) {
+    const auto& s = out.screened[i];
+    if (s.values.empty() || s.drop < 0.3 * options.detect || s.drop < 0.02 * out.screened.front().drop) break;
+    limits.tick = [&, i] { tick("refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i)); };
+    out.trials.push_back(refit(misfit, base, base, s, {}, limits));
+  }
+  const auto best_first = [&] {
+    std::ranges::stable_sort(out.trials, [&](const Trial& a, const Trial& b) {
+      return score(a, samples) > score(b, samples);
+    });
+  };
+  best_first();
+  out.detected = !out.trials.empty() && score(out.trials.front(), samples) > options.detect;
+  if (!out.detected) return out;
+
+  // Is one effect enough? The best, and those as good as it.
+  std::vector<std::vector<Screened>> seconds;
+  const std::size_t singles = std::min(out.trials.size(), most_firsts);
+  bool enough = false;
+  for (std::size_t i = 0; i < singles; ++i) {
+    auto& t = out.trials[i];
+    if (i > 0 && enough && score(t, samples) < score(out.trials[0], samples) - options.second) break;
+    seconds.push_back(check(t, 0.5 + 0.05 * static_cast<double>(i), 0.55 + 0.05 * static_cast<double>(i)));
+    enough = enough || t.left < allowed_left(options, t.drop);
+  }
+  if (!enough) {
+    std::vector<Trial> pairs;
+    std::set<std::set<std::string_view>> tried;
+    const std::size_t firsts = seconds.size();
+    for (std::size_t i = 0; i < firsts; ++i) {
+      for (std::size_t k = 0; k < std::min(most_seconds, seconds[i].size()); ++k) {
+        const auto& s = seconds[i][k];
+        if (s.values.empty() || s.drop < options.second) break;
+        if (!tried.insert({out.trials[i].effects[0]->id, s.effect->id}).second) continue;
+        limits.tick = [&] {
+          tick("two effects: " + std::string(out.trials[i].effects[0]->id) + " and " + std::string(s.effect->id),
+               0.65 + 0.2 * static_cast<double>(tried.size()) / static_cast<double>(firsts * most_seconds));
+        };
+        pairs.push_back(refit(misfit, out.trials[i].fit, base, s, out.trials[i].effects, limits));
+      }
+    }
+    std::ranges::stable_sort(pairs, [&](const Trial& a, const Trial& b) { return score(a, samples) > score(b, samples); });
+    for (std::size_t i = 0; i < std::min<std::size_t>(2, pairs.size()); ++i) {
+      check(pairs[i], 0.85 + 0.05 * static_cast<double>(i), 0.9 + 0.05 * static_cast<double>(i));
+      if (pairs[i].left < allowed_left(options, pairs[i].drop)) break;
+    }
+    out.trials.insert(out.trials.end(), std::make_move_iterator(pairs.begin()), std::make_move_iterator(pairs.end()));
+    best_first();
+  }
+  return out;
+}
+
+}  // namespace ferrobench::model::discrepancy

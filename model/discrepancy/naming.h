@@ -1,0 +1,42 @@
+// The name of what is missing: effects that the screen suggests are refitted together with everything else,
+// compared, and accepted only if nothing that the catalogue or plain functions of the signals could explain
+// is left afterwards.
+#pragma once
+
+#include "model/discrepancy/screen.h"
+
+namespace ferrobench::model::discrepancy {
+
+// An explanation that was tried: the base model with these effects.
+struct Trial {
+  std::vector<const Effect*> effects;
+  Fit fit;
+  double drop = 0;     // of the sum of squares against the base model's fit
+  double cross = 0;    // the same on each recording left out in turn, predicted from the others
+  // What is left: the largest drop that one more effect, or functions of the signals, would bring.
+  bool checked = false;
+  double left = 0;
+  std::string left_name;
+};
+
+struct NamingOptions {
+  std::vector<const Effect*> candidates;
+  double detect = 0;  // a smaller drop is nothing
+  double second = 0;  // a smaller drop by a second effect is nothing
+  std::function<void(const std::string& stage, double fraction)> tick;
+};
+
+struct Naming {
+  std::vector<Screened> screened;  // around the base fit
+  std::vector<Trial> trials;       // best first: sufficient ones before the others
+  bool detected = false;
+};
+
+// What may be left after an explanation that brought this drop: nothing detectable, or what is small against
+// it (two programs that agree to a few parts in ten thousand).
+double allowed_left(const NamingOptions& options, double drop);
+double score(const Trial& trial, double samples);
+
+Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& options);
+
+}  // namespace ferrobench::model::discrepancy

@@ -1,0 +1,124 @@
+#include "model/discrepancy/proof.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+constexpr std::size_t fewest_rows = 15;  // of a stretch that says anything
+
+std::vector<std::vector<std::vector<double>>> simulate_all(const Misfit& misfit, const Hypothesis& h,
+                                                           const Eigen::VectorXd& z) {
+  std::vector<std::vector<std::vector<double>>> out(misfit.chosen().size());
+  in_parallel(out.size(), misfit.threads(),
+              [&](std::size_t i) { out[i] = misfit.simulated(h, z, misfit.chosen()[i]); });
+  return out;
+}
+
+}  // namespace
+
+Residuals plain_residuals(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
+  auto out = simulate_all(misfit, hypothesis, z);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    for (std::size_t c = 0; c < out[i].size(); ++c)
+      out[i][c] = misfit.plain_residual(misfit.chosen()[i], c, out[i][c]);
+  return out;
+}
+
+ChannelFigures rms_by_channel(const Misfit& misfit, const Residuals& residuals) {
+  std::map<recordings::Channel, std::pair<double, double>> sums;
+  for (std::size_t i = 0; i < residuals.size(); ++i)
+    for (std::size_t c = 0; c < residuals[i].size(); ++c)
+      for (const double e : residuals[i][c]) {
+        if (std::isnan(e)) continue;
+        auto& [sum, count] = sums[misfit.bench()[misfit.chosen()[i]].channels[c].channel];
+        sum += e * e;
+        ++count;
+      }
+  ChannelFigures out;
+  for (const auto& [channel, s] : sums) out[channel] = std::sqrt(s.first / s.second);
+  return out;
+}
+
+std::vector<Excess> excess_by_stretch(const Misfit& misfit, const Residuals& residuals) {
+  std::vector<Excess> out;
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    const auto& r = misfit.bench()[misfit.chosen()[i]];
+    for (std::size_t c = 0; c < residuals[i].size(); ++c) {
+      std::array<double, stretch_count> sum{};
+      std::array<std::size_t, stretch_count> count{};
+      for (std::size_t row = 0; row < r.time.size(); ++row) {
+        const double e = residuals[i][c][row];
+        if (std::isnan(e)) continue;
+        const auto s = static_cast<std::size_t>(r.stretch[row]);
+        sum.at(s) += e * e;
+        ++count.at(s);
+      }
+      for (std::size_t s = 0; s < stretch_count; ++s)
+        if (count.at(s) >= fewest_rows)
+          out.push_back({r.name, r.channels[c].channel, std::string(stretch_name(static_cast<Stretch>(s))),
+                         std::sqrt(sum.at(s) / static_cast<double>(count.at(s)))});
+    }
+  }
+  std::ranges::stable_sort(out, std::greater<>(), &Excess::excess);
+  return out;
+}
+
+std::vector<Trace> traces(const Misfit& misfit, const Hypothesis& before, const Eigen::VectorXd& z_before,
+                          const Hypothesis& after, const Eigen::VectorXd& z_after, std::size_t count,
+                          bool held_out) {
+  const auto old_way = simulate_all(misfit, before, z_before), new_way = simulate_all(misfit, after, z_after);
+  struct Place {
+    std::size_t position = 0, channel = 0;
+    double gained = 0;
+  };
+  std::vector<Place> places;
+  for (std::size_t i = 0; i < old_way.size(); ++i)
+    for (std::size_t c = 0; c < old_way[i].size(); ++c) {
+      const auto a = misfit.plain_residual(misfit.chosen()[i], c, old_way[i][c]);
+      const auto b = misfit.plain_residual(misfit.chosen()[i], c, new_way[i][c]);
+      double gained = 0;
+      for (std::size_t row = 0; row < a.size(); ++row)
+        if (!std::isnan(a[row])) gained += a[row] * a[row] - b[row] * b[row];
+      places.push_back({i, c, gained});
+    }
+  std::ranges::stable_sort(places, std::greater<>(), &Place::gained);
+  std::vector<Trace> out;
+  for (const auto& p : places) {
+    if (out.size() == count) break;
+    const std::size_t recording = misfit.chosen()[p.position];
+    const auto& r = misfit.bench()[recording];
+    const auto a = misfit.plain_residual(recording, p.channel, old_way[p.position][p.channel]);
+    // The window of a sixth of the recording in which the base model misses most.
+    const std::size_t n = r.time.size(), width = std::max<std::size_t>(std::min<std::size_t>(n, 60), n / 6);
+    double sum = 0, most = -1;
+    std::size_t begin = 0;
+    for (std::size_t row = 0; row < n; ++row) {
+      sum += std::isnan(a[row]) ? 0 : a[row] * a[row];
+      if (row >= width) sum -= std::isnan(a[row - width]) ? 0 : a[row - width] * a[row - width];
+      if (row + 1 >= width && sum > most) {
+        most = sum;
+        begin = row + 1 - width;
+      }
+    }
+    Trace t{.recording = r.name,
+            .channel = r.channels[p.channel].channel,
+            .segment = std::string(stretch_name(r.stretch[begin + width / 2])),
+            .held_out = held_out,
+            .time = {},
+            .measured = {},
+            .before = {},
+            .after = {}};
+    for (std::size_t row = begin; row < begin + width; ++row) {
+      t.time.push_back(r.time[row]);
+      t.measured.push_back(r.channels[p.channel].value[row]);
+      t.before.push_back(old_way[p.position][p.channel][row]);
+      t.after.push_back(new_way[p.position][p.channel][row]);
+    }
+    out.push_back(std::move(t));
+  }
+  return out;
+}
+
+}  // namespace ferrobench::model::discrepancy

@@ -1,0 +1,29 @@
+// What a fit leaves, regressed on plain functions of the signals, one set for each family of effects and put
+// where that family acts: no mechanism is claimed, but what remains is seen, and where it enters.
+//
+//   drive                 field:          the field, its lags, its square and cube
+//   charge sensor         charge:         time, the charge's lags, integral and square
+//   polarization          charge:         field and |field| to the third, their lags
+//   displacement sensor   displacement:   time, the displacement's lags and powers, the field
+//   force sensor          force:          time, the force's lags and powers, the field
+//   strain                displacement and, through the spring, force: field and stress to the third, lags
+//   equilibrium           displacement and force against each other: powers, friction, time
+//   kinetics              charge, displacement and force in the proportions of switching domains: the
+//                         fractions' lags and rates
+#pragma once
+
+#include "model/discrepancy/least_squares.h"
+
+namespace ferrobench::model::discrepancy {
+
+struct Explained {
+  Family family = Family::kinetics;
+  double drop = 0;           // of the sum of squares
+  int functions = 0;
+  double beyond_chance = 0;  // drop less what so many functions take of noise
+};
+
+// The family whose functions explain most beyond chance. `fit` must have a Jacobian.
+Explained explained_by_signals(const Misfit& misfit, const Fit& fit);
+
+}  // namespace ferrobench::model::discrepancy

@@ -1,0 +1,20 @@
+// From trials to a verdict with probabilities. The scales below were set on simulated benches
+// (tests/campaign), where stated probabilities were compared with how often they were right.
+#pragma once
+
+#include "model/discrepancy/naming.h"
+
+namespace ferrobench::model::discrepancy {
+
+struct Judgement {
+  Verdict verdict = Verdict::nothing_missing;
+  std::vector<std::pair<const Trial*, double>> trials;  // with probability, best first
+  double probability_unknown = 0, probability_nothing = 0;
+};
+
+Judgement judge(const Naming& naming, const NamingOptions& options, double samples);
+
+// 90 % intervals of the parameters of a trial's effects.
+std::vector<EffectEstimate> estimates(const Trial& trial);
+
+}  // namespace ferrobench::model::discrepancy
