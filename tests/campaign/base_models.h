@@ -1,0 +1,13 @@
+// Base models of benches: soft PZT with its constants spread, and the same one as it really is.
+#pragma once
+
+#include "model/model.h"
+#include "tests/campaign/draw.h"
+
+namespace ferrobench::campaign {
+
+model::Model draw_base(Draw& draw);
+// Every parameter moved by 5 to 10 %, the load by 1 to 2 %; `far` of them by 10 to 20 % more.
+model::Model move_parameters(const model::Model& model, Draw& draw, int far);
+
+}  // namespace ferrobench::campaign

@@ -1,0 +1,48 @@
+// A simulated bench: the model that is handed to the workflow, the recordings, and what is hidden in them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "model/discrepancy/discover.h"
+
+namespace ferrobench::campaign {
+
+enum class Kind { single, pair, nothing, moved, outside, withheld, coloured };
+std::span<const std::pair<Kind, std::string_view>> enum_names(Kind);
+
+struct Bench {
+  std::uint64_t seed = 0;
+  int index = 0;
+  Kind kind = Kind::nothing;
+  bool coloured = false;
+  model::Model handed;                        // what the workflow gets
+  model::Model base;                          // what made the recordings, without the hidden effects
+  std::vector<model::EffectSetting> effects;  // hidden
+  std::vector<double> sizes;                  // rms over noise, of each where it shows most
+  std::vector<std::string> families;
+  std::vector<std::string> candidates;  // that may be named; empty: all
+  std::map<recordings::Channel, double> noise, gain, offset;
+  std::vector<model::NamedRecording> recordings;
+};
+
+struct BenchOptions {
+  int domains = 4128;
+};
+
+// The same seed, index and kind always give the same bench.
+Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& options = {});
+// The kind that bench `index` of a mixed campaign has.
+Kind kind_of(int index);
+
+nlohmann::json truth_of(const Bench& bench);
+// model.json, truth.json and a recording each in `folder`, which is made.
+void write_bench(const Bench& bench, const std::string& folder);
+
+}  // namespace ferrobench::campaign

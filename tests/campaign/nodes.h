@@ -1,0 +1,21 @@
+// The domains of the twin, another quadrature than the model's own: evenly spaced points along the spread
+// that reaches furthest, staggered, times Gauss-Hermite rules for the other two.
+#pragma once
+
+#include <vector>
+
+#include "model/model.h"
+
+namespace ferrobench::campaign {
+
+struct Nodes {
+  std::vector<double> barrier;  // J/m^3
+  std::vector<double> field;    // V/m
+  std::vector<double> stress;   // Pa
+  std::vector<double> weight;   // sums to 1
+};
+
+// About `count` nodes; one if there is no spread.
+Nodes draw_nodes(const model::Material& material, const model::Polycrystal& polycrystal, int count);
+
+}  // namespace ferrobench::campaign

@@ -1,0 +1,246 @@
+#include "tests/campaign/twin.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "tests/campaign/grains.h"
+#include "tests/campaign/mechanics.h"
+#include "tests/campaign/sensors.h"
+
+namespace ferrobench::campaign {
+namespace {
+
+constexpr double boltzmann = 1.380649e-23;
+
+RateLaw rate_law(const model::Material& m, const Terms& t) {
+  RateLaw law;
+  law.polarization = m.remanent_polarization;
+  law.strain_90 = m.remanent_strain_90;
+  law.piezoelectric = m.piezoelectric_180;
+  law.permittivity_step = m.permittivity_180 - m.permittivity_90;
+  law.compliance_step = m.compliance_180 - m.compliance_90;
+  law.inverse_energy = m.activation_volume / (boltzmann * m.temperature);
+  law.attempt_rate = 1 / m.relaxation_time;
+  law.stabilization = t.stabilization;
+  law.rising = 1 + t.asymmetry;
+  law.falling = 1 - t.asymmetry;
+  return law;
+}
+
+// A root closed in on by secants; g rises.
+class Root {
+ public:
+  explicit Root(double guess) : at_(guess) {}
+  double at() const { return at_; }
+  void learn(double g, double first_move) {
+    (g > 0 ? high_ : low_) = at_;
+    double next = at_ + first_move;
+    if (tries_++ > 0 && g != last_g_) next = at_ - g * (at_ - last_at_) / (g - last_g_);
+    if (!(next > low_ && next < high_)) {
+      const double middle = 0.5 * (low_ + high_);
+      if (std::isfinite(middle)) next = middle;
+    }
+    last_at_ = at_;
+    last_g_ = g;
+    at_ = next;
+  }
+
+ private:
+  double at_, last_at_ = 0, last_g_ = 0;
+  double low_ = -std::numeric_limits<double>::infinity(), high_ = -low_;
+  int tries_ = 0;
+};
+
+class Player {
+ public:
+  Player(const model::Model& model, const Terms& terms, const TwinOptions& options)
+      : mechanics_(model, terms),
+        options_(options),
+        law_(rate_law(model.material, terms)),
+        grains_(draw_nodes(model.material, model.polycrystal, options.domains)) {}
+
+  const State& state() const { return now_; }
+  Seen truth() const {
+    const auto& a = mechanics_.model().actuator;
+    const double charge =
+        static_cast<double>(a.layer_count) * a.area * (mechanics_.polarization(now_) + now_.conducted);
+    return {now_.monitor, charge, now_.displacement, mechanics_.force(now_)};
+  }
+
+  void start(double command) {
+    command_ = command;
+    now_ = {};
+    now_.monitor = now_.field = distorted(command);
+    now_.stress = -mechanics_.model().load.prestress;
+    mechanics_.settle(now_, now_, 0);
+  }
+
+  // One sample interval: the command goes linearly to `command`; `look` is called after each step.
+  template <class Look>
+  void interval(double span, double command, Look&& look) {
+    const double slope = (command - command_) / span, from = command_, begin = now_.time;
+    if (std::abs(slope - slope_) > 1e-9 * (std::abs(slope) + std::abs(slope_))) {
+      corner_ = begin;
+      stress_slope_ = 0;
+    }
+    slope_ = slope;
+    double done = 0;
+    while (done < span) {
+      double h = std::min(span - done, longest_step(span));
+      if (span - done - h < 0.3 * h) h = span - done > 1.001 * h ? 0.5 * (span - done) : span - done;
+      while (!step(h, from + slope * (done + h), begin + done + h)) {
+        h *= 0.5;
+        if (h < 1e-12 * span)
+          throw Error(ErrorCode::numerical, "the twin does not converge at t = " + std::to_string(now_.time));
+      }
+      done = h >= span - done ? span : done + h;
+      look(now_.time, truth());
+    }
+    command_ = command;
+  }
+
+ private:
+  double distorted(double e) const {
+    const auto& t = mechanics_.terms();
+    const double width = t.crossover_width;
+    return e - t.crossover_depth * std::tanh(e / width) * std::exp(-std::pow(e / (4 * width), 2));
+  }
+
+  // Change of ln(rate) per field and per stress.
+  double per_field() const {
+    const auto& m = mechanics_.model().material;
+    return law_.inverse_energy * (m.remanent_polarization + std::abs(m.piezoelectric_180 * now_.stress));
+  }
+  double per_stress() const {
+    const auto& m = mechanics_.model().material;
+    return law_.inverse_energy *
+           (std::abs(m.remanent_strain_90) + std::abs(m.piezoelectric_180 * now_.field));
+  }
+
+  double longest_step(double span) const {
+    double h = std::max(0.02 * span, 0.25 * (now_.time - corner_));
+    const double behind = mechanics_.terms().slew_rate ? *mechanics_.terms().slew_rate : 0;
+    const double speed = std::max(std::abs(slope_), behind);
+    if (speed > 0) h = std::min(h, options_.path / (per_field() * speed));
+    const double period = mechanics_.period();
+    if (period > 0 && per_stress() * std::abs(now_.stress - now_.settled_stress) > 0.05)
+      h = std::min(h, period / 16);
+    return h;
+  }
+
+  double driven(double h, double command) const {
+    const auto& t = mechanics_.terms();
+    if (t.amplifier_lag > 0) return low_pass(now_.monitor, command - slope_ * h, command, h, t.amplifier_lag);
+    if (t.slew_rate)
+      return now_.monitor + std::clamp(command - now_.monitor, -*t.slew_rate * h, *t.slew_rate * h);
+    return distorted(command);
+  }
+
+  // Across the material, behind the source resistance: what P does besides its permittivity slows E like an
+  // input, the permittivity makes the lag.
+  double behind_resistance(const State& to, double h) const {
+    const double r = mechanics_.terms().source_resistance;
+    const double kappa = mechanics_.model().material.permittivity_180;
+    const double rest =
+        mechanics_.polarization(to) - kappa * to.field - mechanics_.polarization(now_) + kappa * now_.field;
+    const double current = r * rest / h;
+    return low_pass(now_.field, now_.monitor - current, to.monitor - current, h, r * kappa);
+  }
+
+  bool step(double h, double command, double time) {
+    const auto& t = mechanics_.terms();
+    State to = now_;
+    to.time = time;
+    to.monitor = driven(h, command);
+    law_.polarization = mechanics_.remanent(now_);
+    law_.attempt_rate = std::exp(t.warming * (options_.session_time + now_.time + 0.5 * h)) /
+                        mechanics_.model().material.relaxation_time;
+    const bool resisted = t.source_resistance > 0, dragged = t.drag > 0;
+    Root field(resisted ? now_.field + (to.monitor - now_.monitor) : dragged ? drag_ : 0);
+    double stress = now_.stress + stress_slope_ * h;
+    const double ringing = mechanics_.period();
+    const bool fast_ringing = ringing > 0 && h > ringing / 8;
+    if (fast_ringing) stress = now_.settled_stress + stress_slope_ * h;
+    const double first_stress = fast_ringing ? now_.settled_stress : now_.stress;
+    constexpr double early = 0.21132486540518713, late = 1 - early;
+    for (int i = 0; i < 25; ++i) {
+      const double e1 = resisted ? field.at() : to.monitor, drag = dragged ? field.at() : 0;
+      const auto at = [&](double u) {
+        return LoadPoint{now_.field + (e1 - now_.field) * u + drag,
+                         first_stress + (stress - first_stress) * u};
+      };
+      const auto mean = advance(law_, grains_, h, at(early), at(late));
+      to.plus = mean.plus;
+      to.minus = mean.minus;
+      to.field = e1;
+      mechanics_.settle(now_, to, h);
+      const double reached = fast_ringing ? to.settled_stress : to.stress;
+      const double stress_miss = per_stress() * std::abs(reached - stress);
+      double field_miss = 0;
+      if (resisted || dragged) {
+        const double g = resisted ? e1 - behind_resistance(to, h)
+                                  : drag + t.drag * law_.polarization * (to.order() - now_.order()) / h;
+        field_miss = per_field() * std::abs(g);
+        if (field_miss > 0.005) field.learn(g, -g * (resisted ? 0.5 : 0.2));
+      }
+      if (stress_miss < 0.01 && field_miss <= 0.005) {
+        if (per_stress() * std::abs(reached - first_stress) > 1 && h > 1e-9) return false;
+        accept(h, to, reached - first_stress, drag);
+        return true;
+      }
+      stress = reached;
+    }
+    return false;
+  }
+
+  void accept(double h, const State& to, double stress_change, double drag) {
+    std::swap(grains_.plus, grains_.next_plus);
+    std::swap(grains_.minus, grains_.next_minus);
+    stress_slope_ = stress_change / h;
+    drag_ = drag;
+    now_ = to;
+  }
+
+  Mechanics mechanics_;
+  TwinOptions options_;
+  RateLaw law_;
+  Grains grains_;
+  State now_;
+  double command_ = 0, slope_ = 0, corner_ = 0, stress_slope_ = 0, drag_ = 0;
+};
+
+}  // namespace
+
+Response play(const model::Model& given, const std::vector<model::EffectSetting>& effects,
+              const std::vector<double>& time, const std::vector<double>& command,
+              const TwinOptions& options) {
+  auto model = given;
+  auto all = model.effects;
+  all.insert(all.end(), effects.begin(), effects.end());
+  const auto terms = make_terms(all, model);
+  if (model.material.barrier_law != model::BarrierLaw::equal_curvature ||
+      model.polycrystal.method == model::PolycrystalMethod::parametrized)
+    throw Error(ErrorCode::bad_model,
+                "the twin knows the equal-curvature barrier and no parametrized polycrystal");
+  Player player(model, terms, options);
+  Sensors sensors(terms, model.load.prestress * model.actuator.area);
+  Response out;
+  const auto put = [&](const Seen& seen) {
+    out.field.push_back(seen.field);
+    out.charge.push_back(seen.charge);
+    out.displacement.push_back(seen.displacement);
+    out.force.push_back(seen.force);
+  };
+  player.start(command.front());
+  put(sensors.look(0, player.truth()));
+  for (std::size_t i = 1; i < time.size(); ++i) {
+    Seen seen;
+    player.interval(time[i] - time[i - 1], command[i],
+                    [&](double t, const Seen& truth) { seen = sensors.look(t, truth); });
+    put(seen);
+  }
+  return out;
+}
+
+}  // namespace ferrobench::campaign
