@@ -4,7 +4,7 @@
 
 #include "model/fit/calibrate.h"
 #include "model/on_recording.h"
-#include "tests/model/effects_support.h"
+#include "tests/model/measured.h"
 
 namespace ferrobench::model {
 namespace {
@@ -30,24 +30,8 @@ Program through(const std::vector<double>& levels, double rate) {
   return {corners, 5e3 / rate};
 }
 
-recordings::Recording measure(double prestress, const Program& p) {
-  const auto m = measured(prestress);
-  const auto t = run(m, p);
-  recordings::Recording r;
-  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
-                       m.actuator.layer_count};
-  r.header.load = {m.load.spring_stiffness, m.load.prestress};
-  r.time = p.time;
-  r.set(Channel::command) = p.field;
-  r.set(Channel::field) = t.field;
-  r.set(Channel::charge) = t.charge;
-  r.set(Channel::displacement) = t.displacement;
-  r.set(Channel::force) = t.force;
-  return r;
-}
-
 recordings::Recording slow_loop(double prestress) {
-  return measure(prestress, through({top, 0, top}, slow));
+  return measured_on(measured(prestress), through({top, 0, top}, slow));
 }
 
 Model calibrated() {
@@ -123,12 +107,12 @@ TEST(Calibration, MakesAFallingTableWithAGap) {
 }
 
 TEST(Calibration, RefusesALoopThatHardlySwitches) {
-  const auto loop = measure(4e6, through({top, 1.2e6, top}, slow));
+  const auto loop = measured_on(measured(4e6), through({top, 1.2e6, top}, slow));
   EXPECT_THROW(calibrate_parametrized(measured(4e6), loop), Error);
 }
 
 TEST(Calibration, RefusesALoopThatRepoles) {
-  const auto loop = measure(4e6, through({top, -top, top}, slow));
+  const auto loop = measured_on(measured(4e6), through({top, -top, top}, slow));
   EXPECT_THROW(calibrate_parametrized(measured(4e6), loop), Error);
 }
 

@@ -1,0 +1,210 @@
+// Fits that know their answer: the measurement is a simulation with other parameters.
+#include "model/fit/fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "recordings/tables/experiments.h"
+#include "tests/model/measured.h"
+
+namespace ferrobench::model {
+namespace {
+
+using recordings::Channel;
+
+constexpr SimulationOptions simulation{.tolerance = 1e-4, .domains = 128, .shift = 0};
+
+Model specimen() {
+  auto m = library_model("soft-pzt");
+  m.material.relaxation_time = 1e-3;
+  return m;
+}
+
+FitOptions freeing(const Model& m, const std::vector<std::string>& paths) {
+  FitOptions options;
+  for (const auto& path : paths) options.free.push_back(free_parameter(m, path));
+  options.starts = 1;
+  options.simulation = simulation;
+  return options;
+}
+
+std::unique_ptr<FitTarget> recorded(recordings::Recording r) {
+  std::vector<recordings::Recording> all;
+  all.push_back(std::move(r));
+  return recording_target(std::move(all));
+}
+
+Model moved(const Model& m, const std::string& path, double factor) {
+  return with_parameters(m, {{path, factor * get_parameter(m, path)}});
+}
+
+class Fit : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Recovers, Fit,
+                         testing::Values("material.remanent_polarization", "material.remanent_strain_90",
+                                         "material.permittivity_180", "material.piezoelectric_180",
+                                         "material.barrier", "material.activation_volume",
+                                         "polycrystal.barrier_log_std", "polycrystal.interaction_field_std",
+                                         "polycrystal.interaction_stress_std"),
+                         [](const auto& i) {
+                           std::string name = i.param;
+                           std::replace(name.begin(), name.end(), '.', '_');
+                           return name;
+                         });
+
+TEST_P(Fit, AParameterMovedByATenth) {
+  const auto truth = specimen();
+  const auto target = recorded(measured_on(truth, loop(), simulation));
+  const auto start = moved(truth, GetParam(), 1.1);
+  const auto result = fit(start, *target, freeing(truth, {GetParam()}));
+  const double wanted = get_parameter(truth, GetParam());
+  EXPECT_NEAR(get_parameter(result.model, GetParam()), wanted, 2e-3 * std::abs(wanted));
+  EXPECT_LT(result.cost_after, 1e-3 * result.cost_before);
+  ASSERT_EQ(result.parameters.size(), 1u);
+  EXPECT_DOUBLE_EQ(result.parameters[0].from, get_parameter(start, GetParam()));
+  EXPECT_DOUBLE_EQ(result.parameters[0].to, get_parameter(result.model, GetParam()));
+  EXPECT_FALSE(result.parameters[0].at_bound);
+}
+
+TEST(FitOfSeveral, RecoversThemAll) {
+  const auto truth = specimen();
+  const std::vector<std::string> paths{"material.remanent_polarization", "material.piezoelectric_180",
+                                       "material.barrier", "polycrystal.interaction_field_std"};
+  auto start = truth;
+  for (std::size_t i = 0; i < paths.size(); ++i) start = moved(start, paths[i], i % 2 == 0 ? 1.1 : 0.9);
+  const auto result = fit(start, *recorded(measured_on(truth, loop(), simulation)), freeing(truth, paths));
+  for (const auto& path : paths) {
+    const double wanted = get_parameter(truth, path);
+    EXPECT_NEAR(get_parameter(result.model, path), wanted, 0.01 * wanted) << path;
+  }
+}
+
+// The truth lies outside the range: the fit stops at its end and says so.
+TEST(FitBounds, AreKept) {
+  const auto truth = specimen();
+  auto options = freeing(truth, {"material.piezoelectric_180"});
+  options.free[0].low = 2e-10;
+  options.free[0].high = 4e-10;
+  const auto result = fit(moved(truth, "material.piezoelectric_180", 0.6),
+                          *recorded(measured_on(truth, loop(), simulation)), options);
+  const double found = result.model.material.piezoelectric_180;
+  EXPECT_LE(found, 4e-10);
+  EXPECT_GT(found, 3.95e-10);
+  EXPECT_TRUE(result.parameters[0].at_bound);
+}
+
+TEST(FitRanges, HoldTheShippedModels) {
+  for (const auto& name : model_library_names()) {
+    const auto m = library_model(name);
+    for (const auto& p : default_free_parameters(m)) {
+      const double value = get_parameter(m, p.path);
+      EXPECT_LE(p.low, value) << name << " " << p.path;
+      EXPECT_GE(p.high, value) << name << " " << p.path;
+      EXPECT_NEAR(from_search(p, to_search(p, value)), value, 1e-9 * std::abs(value))
+          << name << " " << p.path;
+    }
+  }
+}
+
+TEST(FitTargets, OfARecordingPassOverGapsAndTheChargesOrigin) {
+  const auto truth = specimen();
+  auto r = measured_on(truth, loop(), simulation);
+  auto displacement = r.at(Channel::displacement), charge = r.at(Channel::charge);
+  displacement[7] = std::numeric_limits<double>::quiet_NaN();
+  for (double& q : charge) q -= r.at(Channel::charge)[0];
+  r.set(Channel::displacement) = displacement;
+  r.set(Channel::charge) = charge;
+  r.header.charge_reference = recordings::ChargeReference::first_sample;
+  const auto target = recorded(r);
+  std::vector<double> residuals(target->size());
+  target->residuals(truth, simulation, residuals);
+  EXPECT_THAT(residuals, testing::Each(testing::DoubleNear(0, 1e-9)));
+}
+
+TEST(FitTargets, OfARecordingArePercentOfTheRange) {
+  const auto truth = specimen();
+  const auto r = measured_on(truth, loop(), simulation);
+  const auto other = moved(truth, "material.barrier", 1.1);
+  const auto misfits = recorded(r)->summary(other, simulation);
+  ASSERT_EQ(misfits.size(), 3u);  // charge, displacement, force
+  const auto t = simulate(other, r.time, r.at(Channel::command), simulation);
+  EXPECT_NEAR(misfits[0].second, 100 * apart(r.at(Channel::charge), t.charge), 1e-6);
+  EXPECT_NEAR(misfits[1].second, 100 * apart(r.at(Channel::displacement), t.displacement), 1e-6);
+}
+
+constexpr SimulationOptions coarse{.tolerance = 1e-3, .domains = 16, .shift = 0};  // long programs
+
+Model specimen_of(const std::string& table) {
+  return library_model(recordings::table_experiment(table).specimen);
+}
+
+TEST(FitTargets, OfATableAreTheLogarithmsOfItsCells) {
+  const auto m = specimen_of("3.13");
+  const auto target = table_target({"3.13"});
+  const auto comparison = simulate_table(m, "3.13", coarse);
+  ASSERT_EQ(target->size(), comparison.cells.size());
+  std::vector<double> residuals(target->size());
+  target->residuals(m, coarse, residuals);
+  double squares = 0;
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    const auto& cell = comparison.cells[i];
+    ASSERT_TRUE(cell.measured) << i;
+    EXPECT_NEAR(residuals[i] / 50, std::log(*cell.measured / cell.published.published), 1e-3) << i;
+    squares += std::pow(std::log(*cell.measured / cell.published.published), 2);
+  }
+  const auto summary = target->summary(m, coarse);
+  ASSERT_EQ(summary.size(), 1u);
+  EXPECT_NEAR(summary[0].second, std::sqrt(squares / static_cast<double>(residuals.size())), 1e-9);
+}
+
+TEST(FitTargets, OfATableAreWorthFollowing) {
+  const auto m = specimen_of("3.13");
+  auto options = freeing(m, {"material.piezoelectric_180"});
+  options.iterations = 4;
+  options.simulation = coarse;
+  const auto target = table_target({"3.13"});
+  const auto result = fit(moved(m, "material.piezoelectric_180", 1.2), *target, options);
+  std::vector<double> shipped(target->size());
+  target->residuals(m, coarse, shipped);
+  double cost = 0;
+  for (const double r : shipped) cost += r * r;
+  EXPECT_LT(result.cost_after, cost);
+  EXPECT_LT(result.cost_after, 0.2 * result.cost_before);
+}
+
+TEST(FitProgressCall, EndsTheFitWithTheBestSoFar) {
+  const auto truth = specimen();
+  auto options = freeing(truth, {"material.barrier"});
+  options.starts = 3;
+  int calls = 0;
+  options.progress = [&](const FitProgress& p) {
+    EXPECT_EQ(p.starts, 3);
+    EXPECT_LE(p.fraction, 1);
+    return ++calls < 2;
+  };
+  const auto result =
+      fit(moved(truth, "material.barrier", 1.1), *recorded(measured_on(truth, loop(), simulation)), options);
+  EXPECT_TRUE(result.stopped);
+  EXPECT_EQ(calls, 2);
+  EXPECT_LE(result.cost_after, result.cost_before);
+}
+
+TEST(FitErrors, SayWhatIsWrong) {
+  const auto m = specimen();
+  try {
+    free_parameter(m, "material.barier");
+    FAIL() << "there is no such parameter";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ErrorCode::invalid_params);
+    EXPECT_THAT(e.what(), testing::HasSubstr("material.barrier"));
+  }
+  EXPECT_THROW(with_parameters(m, {{"material.temperature", -3}}), Error);
+  EXPECT_THROW(fit(m, *recorded(measured_on(m, rest(), simulation)), freeing(m, {})), Error);
+  EXPECT_THROW(table_target({}), Error);
+  EXPECT_THROW(table_target({"9.99"}), Error);
+  EXPECT_THROW(recorded(recordings::Recording{}), Error);
+}
+
+}  // namespace
+}  // namespace ferrobench::model
