@@ -94,6 +94,17 @@ TEST(FitBounds, AreKept) {
   EXPECT_TRUE(result.parameters[0].at_bound);
 }
 
+// Where the search's own scale passes zero, steps must not shrink with it.
+TEST(FitBounds, MayHaveTheStartInTheirMiddle) {
+  const auto truth = specimen();
+  auto options = freeing(truth, {"material.barrier"});
+  const auto start = moved(truth, "material.barrier", 1.1);
+  options.free[0].low = start.material.barrier / 5;
+  options.free[0].high = start.material.barrier * 5;
+  const auto result = fit(start, *recorded(measured_on(truth, loop(), simulation)), options);
+  EXPECT_NEAR(result.model.material.barrier, truth.material.barrier, 2e-3 * truth.material.barrier);
+}
+
 TEST(FitRanges, HoldTheShippedModels) {
   for (const auto& name : model_library_names()) {
     const auto m = library_model(name);
