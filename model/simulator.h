@@ -35,7 +35,10 @@ struct ChannelSpans {
 struct SimulationStatistics {
   std::uint64_t steps = 0;
   std::uint64_t domain_steps = 0;  // single domains advanced by one step
-  double time_error = 0;           // estimate, share of the switching range, rms over the steps so far
+  // Estimate of the error of stepping in time, share of the switching range, rms over the steps so far. Of
+  // 220 random models and programs at a tolerance of 1e-4 the true one was 0.25 to 5.5 times this, 3.7e-4 at
+  // most.
+  double time_error = 0;
 };
 
 class Simulator {
