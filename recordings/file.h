@@ -20,6 +20,9 @@ struct Rows {
   std::span<const std::int16_t> counts;
 };
 
+// Where the file has a channel.
+std::string channel_place(Channel channel);
+
 class Writer {
  public:
   // Creates `path` (never overwrites: Error(io_error)); `channels` and `raw` say which columns there will be.

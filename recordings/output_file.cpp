@@ -55,10 +55,6 @@ const char* long_name(Channel channel) {
   return "";
 }
 
-std::string column_place(Channel channel) {
-  return "/entry/data/" + std::string(channel_name(channel));
-}
-
 constexpr std::size_t kind_bytes = 64, message_bytes = 1024;  // of an event in a growing file
 
 template <class T>
@@ -76,6 +72,10 @@ void transfer(herr_t (*move)(hid_t, hid_t, hid_t, hid_t, hid_t, T*), const hdf5:
 }
 
 }  // namespace
+
+std::string channel_place(Channel channel) {
+  return "/entry/data/" + std::string(channel_name(channel));
+}
 
 OutputFile::OutputFile(const std::string& path, Kind kind, const Header& header,
                        std::span<const Channel> channels, std::span<const RawColumn> raw, std::uint64_t rows)
@@ -151,7 +151,7 @@ void OutputFile::make_columns(const Header& header, std::span<const Channel> cha
   out_.attribute("/entry/data/time", "units", std::string("s"));
   out_.attribute("/entry/data/time", "long_name", std::string("time"));
   for (const auto channel : channels) {
-    const auto place = column_place(channel);
+    const auto place = channel_place(channel);
     columns_.at(static_cast<std::size_t>(channel)) = make_column(place, H5T_NATIVE_DOUBLE, 0);
     out_.attribute(place, "units", std::string(channel_unit(channel)));
     out_.attribute(place, "long_name", std::string(long_name(channel)));
@@ -243,7 +243,7 @@ void OutputFile::write(std::uint64_t first, const Rows& rows) {
   for (const auto channel : all_channels) {
     const auto i = static_cast<std::size_t>(channel);
     if (columns_.at(i))
-      put(columns_.at(i), H5T_NATIVE_DOUBLE, 0, rows.channels.at(i).data(), column_place(channel));
+      put(columns_.at(i), H5T_NATIVE_DOUBLE, 0, rows.channels.at(i).data(), channel_place(channel));
   }
   if (counts_) put(counts_, H5T_NATIVE_INT16, raw_width_, rows.counts.data(), "/entry/instrument/raw/ai");
   rows_ = std::max<std::uint64_t>(rows_, first + count);
@@ -260,7 +260,7 @@ void OutputFile::read(std::uint64_t first, std::span<double> time,
   for (const auto channel : all_channels) {
     const auto i = static_cast<std::size_t>(channel);
     if (columns_.at(i))
-      get(columns_.at(i), H5T_NATIVE_DOUBLE, 0, channels.at(i).data(), column_place(channel));
+      get(columns_.at(i), H5T_NATIVE_DOUBLE, 0, channels.at(i).data(), channel_place(channel));
   }
   if (counts_) get(counts_, H5T_NATIVE_INT16, raw_width_, counts.data(), "/entry/instrument/raw/ai");
 }

@@ -10,10 +10,6 @@ namespace {
 
 using hdf5::Input;
 
-std::string column_place(Channel channel) {
-  return "/entry/data/" + std::string(channel_name(channel));
-}
-
 double required(const Input& in, const std::string& place, bool positive) {
   const auto value = in.number(place);
   if (!value) in.fail(place, "is missing");
@@ -62,7 +58,7 @@ Header read_header(const Input& in) {
   h.load.spring_stiffness = required(in, "/entry/load/spring_stiffness_N_per_m", false);
   h.load.prestress = required(in, "/entry/load/prestress_Pa", false);
 
-  const auto charge = column_place(Channel::charge);
+  const auto charge = channel_place(Channel::charge);
   if (in.has(charge)) {
     const auto reference = in.text_attribute(charge, "reference");
     if (!reference) in.fail(charge + "@reference", "is missing", "\"absolute\" or \"first_sample\"");
@@ -78,15 +74,15 @@ std::uint64_t read_length(const Input& in, const std::string& status, std::vecto
   if (!in.has("/entry/data/time")) in.fail("/entry/data/time", "is missing");
   auto rows = in.numeric_size("/entry/data/time").rows;
   for (const auto channel : all_channels) {
-    const auto place = column_place(channel);
+    const auto place = channel_place(channel);
     if (!in.has(place)) continue;
     const auto length = in.numeric_size(place).rows;
     if (length != rows && status != "running") in.fail(place, "differs in length from time");
     rows = std::min(rows, length);
     channels.push_back(channel);
   }
-  if (!in.has(column_place(Channel::field)) && !in.has(column_place(Channel::command)))
-    in.fail(column_place(Channel::field), "is missing");
+  if (!in.has(channel_place(Channel::field)) && !in.has(channel_place(Channel::command)))
+    in.fail(channel_place(Channel::field), "is missing");
   return rows;
 }
 
@@ -102,7 +98,7 @@ std::vector<double> read_time(const Input& in, std::uint64_t rows) {
 
 // NaN marks a gap; infinity is never measured.
 std::vector<double> read_channel(const Input& in, Channel channel, std::uint64_t rows) {
-  const auto place = column_place(channel);
+  const auto place = channel_place(channel);
   auto values = in.numbers(place, rows);
   for (std::size_t i = 0; i < values.size(); ++i)
     if (std::isinf(values[i])) in.fail(place, "is infinite at sample " + std::to_string(i));

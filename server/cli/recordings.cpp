@@ -16,16 +16,16 @@ namespace {
 
 const std::vector<std::string> formats{"text", "md", "csv", "json", "html"};
 
-struct Options {
+struct RecordingOptions {
   std::string recording{}, format{}, out{}, model{};
 };
 
-CLI::Option* add_recording(CLI::App* sub, Options& o) {
+CLI::Option* add_recording(CLI::App* sub, RecordingOptions& o) {
   return sub->add_option("RECORDING", o.recording, "a file, or the name of a recording in the data folder")
       ->required();
 }
 
-int list(const Options& o, const Common& common) {
+int list(const RecordingOptions& o, const Common& common) {
   const auto recordings = Link(common).call("recording.list").at("recordings");
   if (o.format == "json") {
     std::cout << recordings.dump(2) << '\n';
@@ -40,14 +40,14 @@ int list(const Options& o, const Common& common) {
   return exit_ok;
 }
 
-int report(const Options& o, const Common& common) {
+int report(const RecordingOptions& o, const Common& common) {
   const auto recording = recordings::read_recording(recording_argument(o.recording, common));
   write_output(o.out,
                render(recordings::make_report(recording), recording, recordings::format_from_name(o.format)));
   return exit_ok;
 }
 
-int simulate(const Options& o, const Common& common) {
+int simulate(const RecordingOptions& o, const Common& common) {
   const auto path = recording_argument(o.recording, common);
   auto model = model_argument(o.model);
   if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
@@ -62,7 +62,7 @@ int simulate(const Options& o, const Common& common) {
   return exit_ok;
 }
 
-int export_csv(const Options& o, const Common& common) {
+int export_csv(const RecordingOptions& o, const Common& common) {
   std::ostringstream text;
   server::write_csv(recordings::read_recording(recording_argument(o.recording, common)), text);
   write_output(o.out, text.str());
@@ -70,7 +70,7 @@ int export_csv(const Options& o, const Common& common) {
 }
 
 template <class F>
-void act(CLI::App* sub, const std::shared_ptr<Options>& o, Common& common, F function) {
+void act(CLI::App* sub, const std::shared_ptr<RecordingOptions>& o, Common& common, F function) {
   sub->callback(
       [o, &common, function] { common.action = [o, &common, function] { return function(*o, common); }; });
 }
@@ -79,7 +79,7 @@ void act(CLI::App* sub, const std::shared_ptr<Options>& o, Common& common, F fun
 
 void add_list(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("list", "List the recordings of the data folder, newest first");
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<RecordingOptions>();
   sub->add_option("--format", o->format, "text or json")
       ->check(CLI::IsMember(std::vector<std::string>{"text", "json"}))
       ->default_val("text");
@@ -89,7 +89,7 @@ void add_list(CLI::App& app, Common& common) {
 void add_report(CLI::App& app, Common& common) {
   auto* sub =
       app.add_subcommand("report", "Report a recording: stroke, hysteresis, creep, rates, minor loops");
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
   sub->add_option("--format", o->format, "of the report")->check(CLI::IsMember(formats))->default_val("text");
   sub->add_option("--out", o->out, "default: standard output")->type_name("FILE");
@@ -101,7 +101,7 @@ void add_simulate(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand(
       "simulate",
       "Play a recording's own field program through a model, without noise, into a new recording");
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
   sub->add_option("--model", o->model, "by name or file; default: the recording's own");
   sub->add_option("--out", o->out, "file of the new recording; replaced if it is there")
@@ -115,7 +115,7 @@ void add_simulate(CLI::App& app, Common& common) {
 
 void add_export(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("export", "Write a recording's samples as CSV, in SI units");
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
   sub->add_option("--format", o->format, "csv")
       ->check(CLI::IsMember(std::vector<std::string>{"csv"}))

@@ -11,7 +11,7 @@ namespace ferrobench::server {
 
 namespace {
 
-constexpr std::size_t most_kept = 1000;  // runs and idempotency keys remembered
+constexpr std::size_t most_runs = 1000;  // runs and idempotency keys remembered
 
 Error no_such(const std::string& what, const std::string& given, const nlohmann::json& allowed) {
   return {ErrorCode::not_found, "there is no such " + what,
@@ -100,10 +100,10 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   setup.path = path.empty() ? store_.new_recording(setup.plan.protocol.name()).string() : path;
   auto next = std::make_shared<Run>(std::move(setup), hub_);
   if (run_) past_.push_front(run_->status());
-  if (past_.size() > most_kept) past_.pop_back();
+  if (past_.size() > most_runs) past_.pop_back();
   run_ = std::move(next);
   if (!request.idempotency_key.empty()) {
-    if (idempotent_.size() >= most_kept) idempotent_.erase(idempotent_.begin());
+    if (idempotent_.size() >= most_runs) idempotent_.erase(idempotent_.begin());
     idempotent_[request.idempotency_key] = {asked, run_->id()};
   }
   return run_->status();

@@ -8,7 +8,7 @@
 namespace ferrobench::server {
 
 namespace {
-constexpr std::size_t most_running = 4, most_kept = 100;
+constexpr std::size_t most_running = 4, most_jobs = 100;
 }
 
 std::span<const std::pair<JobState, std::string_view>> enum_names(JobState) {
@@ -106,7 +106,7 @@ std::string Jobs::start(const std::string& kind, Work work) {
 }
 
 void Jobs::forget_old() {
-  for (auto at = jobs_.begin(); jobs_.size() >= most_kept && at != jobs_.end();) {
+  for (auto at = jobs_.begin(); jobs_.size() >= most_jobs && at != jobs_.end();) {
     std::unique_lock inner(at->second->handle.mutex_);
     const bool over = at->second->handle.status_.state != JobState::running;
     inner.unlock();

@@ -12,13 +12,13 @@ using recordings::Channel;
 
 Simulation simulate_recording(const recordings::Recording& recording, const nlohmann::json& given,
                               const std::string& origin) {
-  const auto& json = given.is_null() ? recording.header.model : given;
-  if (json.is_null())
+  const auto& chosen = given.is_null() ? recording.header.model : given;
+  if (chosen.is_null())
     throw Error(ErrorCode::invalid_params, "there is no model to simulate with",
                 Problem{.path = "/model",
                         .message = "is missing, and the recording names none",
                         .hint = "give one: --model NAME or FILE"});
-  const auto model = model::model_for(model::model_from_json(json), recording.header);
+  const auto model = model::model_for(model::model_from_json(chosen), recording.header);
   auto trajectory = model::simulate_on(model, recording, {}, true);
   const bool commanded = recording.has(Channel::command);
 

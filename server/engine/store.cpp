@@ -130,9 +130,9 @@ nlohmann::json Store::model(const std::string& name) const {
   return model::to_json(model::model_from_file(folder_ / "models" / (name + ".json")));
 }
 
-void Store::put_model(const std::string& name, const nlohmann::json& json) const {
+void Store::put_model(const std::string& name, const nlohmann::json& given) const {
   check_name(name, "/name");
-  const auto model = model::model_from_json(json);
+  const auto model = model::model_from_json(given);
   if (std::ranges::count(model::model_library_names(), name) > 0)
     throw Error(
         ErrorCode::busy, "a shipped model has this name",

@@ -54,7 +54,7 @@ void describe(Visitor& visit, DeviceInfo& d) {
   visit("info", d.info, {.doc = "driver, serial number, ranges, rates"});
 }
 
-DeviceInfo info_of(Engine& engine, const std::string& id) {
+DeviceInfo opened(Engine& engine, const std::string& id) {
   DeviceInfo out{.device = id, .info = {}};
   engine.with_device(id, [&](daq::Device& device) { out.info = device.info(); });
   return out;
@@ -75,11 +75,11 @@ void add_device_methods(Dispatcher& rpc, Engine& engine) {
       {.name = "device.open",
        .doc = "Opens a device that keeps its state from run to run.",
        .role = Role::control},
-      [&engine](const OpenParams& p) { return info_of(engine, engine.open_device(p.device, p.config)); });
+      [&engine](const OpenParams& p) { return opened(engine, engine.open_device(p.device, p.config)); });
   rpc.add<DeviceParams>({.name = "device.close", .doc = "Closes an open device.", .role = Role::control},
                         [&engine](const DeviceParams& p) { engine.close_device(p.device); });
   rpc.add<DeviceParams>({.name = "device.info", .doc = "What an open device says of itself."},
-                        [&engine](const DeviceParams& p) { return info_of(engine, p.device); });
+                        [&engine](const DeviceParams& p) { return opened(engine, p.device); });
   rpc.add<DeviceParams>(
       {.name = "device.selftest",
        .doc = "Plays a small waveform, with the output looped back to the field monitor, and compares.",

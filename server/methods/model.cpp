@@ -28,11 +28,11 @@ void describe(Visitor& visit, ModelList& l) {
   visit("models", l.models, {.required = true});
   visit("default", l.usual, {.doc = "used where a run names none"});
 }
-struct NameParams {
+struct ModelName {
   std::string name{};
 };
 template <class Visitor>
-void describe(Visitor& visit, NameParams& p) {
+void describe(Visitor& visit, ModelName& p) {
   visit("name", p.name, {.required = true});
 }
 struct ModelText {
@@ -121,8 +121,8 @@ void add_model_methods(Dispatcher& rpc, Engine& engine) {
                       }
                       return out;
                     });
-  rpc.add<NameParams>({.name = "model.get", .doc = "A model by name."},
-                      [&engine](const NameParams& p) { return ModelText{engine.store().model(p.name)}; });
+  rpc.add<ModelName>({.name = "model.get", .doc = "A model by name."},
+                      [&engine](const ModelName& p) { return ModelText{engine.store().model(p.name)}; });
   rpc.add<NoParams>(
       {.name = "model.schema", .doc = "JSON Schema of a model.", .result_schema = {{"type", "object"}}},
       [](const NoParams&) { return model::model_schema(); });

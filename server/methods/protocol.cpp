@@ -28,11 +28,11 @@ void describe(Visitor& visit, ProtocolList& l) {
   visit("protocols", l.protocols, {.required = true});
 }
 
-struct NameParams {
+struct ProtocolName {
   std::string name{};
 };
 template <class Visitor>
-void describe(Visitor& visit, NameParams& p) {
+void describe(Visitor& visit, ProtocolName& p) {
   visit("name", p.name, {.required = true});
 }
 struct ProtocolText {
@@ -150,7 +150,7 @@ void add_protocol_methods(Dispatcher& rpc, Engine& engine) {
     }
     return out;
   });
-  rpc.add<NameParams>({.name = "protocol.get", .doc = "A shipped protocol."}, [](const NameParams& p) {
+  rpc.add<ProtocolName>({.name = "protocol.get", .doc = "A shipped protocol."}, [](const ProtocolName& p) {
     return ProtocolText{protocols::library_protocol(p.name).json()};
   });
   rpc.add<NoParams>(

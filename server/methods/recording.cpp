@@ -40,11 +40,11 @@ void describe(Visitor& visit, RecordingList& l) {
   visit("recordings", l.recordings, {.required = true, .doc = "newest first"});
 }
 
-struct NameParams {
+struct RecordingName {
   std::string name{};
 };
 template <class Visitor>
-void describe(Visitor& visit, NameParams& p) {
+void describe(Visitor& visit, RecordingName& p) {
   visit("name", p.name, {.required = true, .doc = "of a recording"});
 }
 struct ReadParams {
@@ -184,11 +184,11 @@ fs::path at_rest(Engine& engine, const std::string& name) {
 }
 
 void add_changes(Dispatcher& rpc, Engine& engine) {
-  rpc.add<NameParams>(
+  rpc.add<RecordingName>(
       {.name = "recording.export",
        .doc = "Writes the samples as CSV beside the recording.",
        .role = Role::control},
-      [&engine](const NameParams& p) {
+      [&engine](const RecordingName& p) {
         const auto path = engine.store().recording(p.name);
         const auto out = fs::path(path).replace_extension(".csv");
         std::ofstream file(out);
@@ -219,8 +219,8 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
         recordings::write_recording(path.string(), recording);
         return row_of(path);
       });
-  rpc.add<NameParams>({.name = "recording.delete", .doc = "Deletes a recording.", .role = Role::control},
-                      [&engine](const NameParams& p) {
+  rpc.add<RecordingName>({.name = "recording.delete", .doc = "Deletes a recording.", .role = Role::control},
+                      [&engine](const RecordingName& p) {
                         std::error_code failure;
                         if (!fs::remove(at_rest(engine, p.name), failure))
                           throw Error(ErrorCode::io_error, "the recording cannot be deleted",
@@ -239,10 +239,10 @@ void add_recording_methods(Dispatcher& rpc, Engine& engine) {
                         out.recordings.push_back(row_of(engine.store().recordings() / (name + ".h5")));
                       return out;
                     });
-  rpc.add<NameParams>({.name = "recording.info",
+  rpc.add<RecordingName>({.name = "recording.info",
                        .doc = "All that a recording says beside its samples.",
                        .result_schema = object},
-                      [&engine](const NameParams& p) { return info_of(engine.store().recording(p.name)); });
+                      [&engine](const RecordingName& p) { return info_of(engine.store().recording(p.name)); });
   rpc.add<ReadParams>(
       {.name = "recording.read",
        .doc = "Samples to draw, in SI: {time, <channel>: {first, min, max}}. For all of them, get the file.",
