@@ -1,23 +1,26 @@
 // ferrobench_campaign: simulated benches, the workflow run on each, and what came out.
 #include <charconv>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
+#include <fstream>
 #include <iostream>
 #include <optional>
 
-#include "tests/campaign/bench.h"
+#include "tests/campaign/table.h"
 
 namespace ferrobench::campaign {
 namespace {
 
 constexpr std::string_view usage =
-    "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--write FOLDER] [--json OUT]\n"
+    "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--threads T] [--write FOLDER] "
+    "[--json OUT]\n"
     "  --kind   single | pair | nothing | moved | outside | withheld | coloured; without it a mixture\n"
     "  --first  index of the first bench\n"
     "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n";
 
 struct Arguments {
-  int benches = 25, first = 0;
+  int benches = 25, first = 0, threads = 0;
   std::uint64_t seed = 1;
   std::optional<Kind> kind;
   std::string write, json;
@@ -49,6 +52,8 @@ Arguments parse(std::span<char*> words) {
       a.first = number<int>(name, value);
     } else if (name == "--seed") {
       a.seed = number<std::uint64_t>(name, value);
+    } else if (name == "--threads") {
+      a.threads = number<int>(name, value);
     } else if (name == "--write") {
       a.write = value;
     } else if (name == "--json") {
@@ -85,6 +90,35 @@ void write_all(const Arguments& a) {
   }
 }
 
+volatile std::sig_atomic_t interrupted = 0;
+
+// Until done, or until Ctrl-C: then with what there is so far.
+void run_all(const Arguments& a) {
+  std::signal(SIGINT, [](int) { interrupted = 1; });
+  std::vector<Outcome> outcomes;
+  for (int i = a.first; i < a.first + a.benches && interrupted == 0; ++i) {
+    const auto bench = make_bench(a.seed, i, a.kind.value_or(kind_of(i)));
+    model::DiscoverOptions options;
+    options.candidates = bench.candidates;
+    options.seed = a.seed;
+    options.threads = a.threads;
+    options.progress = [](const model::DiscoverProgress&) { return interrupted == 0; };
+    try {
+      outcomes.push_back(score(bench, model::discover(bench.handed, bench.recordings, options)));
+    } catch (const Error& error) {
+      if (error.code() == ErrorCode::cancelled) break;
+      outcomes.push_back(score_error(bench, error.what()));
+    }
+    std::cout << line_of(outcomes.back()) << std::endl;
+    if (!a.json.empty()) {
+      auto json = json_of(outcomes);
+      json["seed"] = a.seed;
+      std::ofstream(a.json) << json.dump(1) << '\n';
+    }
+  }
+  std::cout << text_of(outcomes);
+}
+
 }  // namespace
 }  // namespace ferrobench::campaign
 
@@ -92,7 +126,7 @@ int main(int argc, char** argv) {
   using namespace ferrobench;
   try {
     const auto arguments = campaign::parse({argv, static_cast<std::size_t>(argc)});
-    if (!arguments.write.empty()) campaign::write_all(arguments);
+    arguments.write.empty() ? campaign::run_all(arguments) : campaign::write_all(arguments);
     return 0;
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';

@@ -121,9 +121,16 @@ void Mechanics::swing(const State& from, State& to, double h) const {
   const double actuator = stiffness(to);
   const double damping = 2 * t_.damping_ratio * std::sqrt((m_.load.spring_stiffness + actuator) * t_.mass);
   const double start = free_extension(from), end = free_extension(to);
-  const int n = static_cast<int>(std::ceil(24 * h / period()));
-  const double dt = h / n;
-  double x = from.displacement, v = from.velocity;
+  // What rang before this has died out by a factor e^-15.
+  const double memory = 15 / t_.damping_ratio * period() / (2 * std::numbers::pi);
+  double x = from.displacement, v = from.velocity, span = h;
+  if (h > memory) {
+    span = memory;
+    v = (to.settled_displacement - from.settled_displacement) / h;
+    x = to.settled_displacement - v * span;
+  }
+  const int n = static_cast<int>(std::ceil(24 * span / period()));
+  const double dt = span / n;
   const auto acceleration = [&](double since, double at, double speed) {
     const double free = start + (end - start) * since / h;
     const double rub =
@@ -131,7 +138,7 @@ void Mechanics::swing(const State& from, State& to, double h) const {
     return (actuator * (free - at) - spring(at, from.direction) - rub - damping * speed) / t_.mass;
   };
   for (int i = 0; i < n; ++i) {
-    const double t = i * dt;
+    const double t = h - span + i * dt;
     const double a1 = acceleration(t, x, v);
     const double v2 = v + 0.5 * dt * a1, a2 = acceleration(t + 0.5 * dt, x + 0.5 * dt * v, v2);
     const double v3 = v + 0.5 * dt * a2, a3 = acceleration(t + 0.5 * dt, x + 0.5 * dt * v2, v3);
@@ -154,7 +161,7 @@ void Mechanics::settle(const State& from, State& to, double h) const {
         t_.heat * std::max(0.0, 0.5 * (from.field + to.field) * change) * std::exp(-0.5 * h / t_.heat_time);
   to.stress = to.settled_stress = balanced_stress(from, to, h, no_target);
   auto p = parts(from, to, h, to.stress);
-  to.displacement = p.displacement;
+  to.displacement = to.settled_displacement = p.displacement;
   if (t_.mass != 0 && h > 0) {
     swing(from, to, h);
     to.stress = balanced_stress(from, to, h, to.displacement);

@@ -9,15 +9,16 @@ namespace ferrobench::campaign {
 
 // Everything the twin remembers from step to step, except the single domains.
 struct State {
-  double time = 0;                // s
-  double monitor = 0, field = 0;  // V/m, at the amplifier and across the material
-  double plus = 1, minus = 0;     // mean fractions
-  double stress = 0;              // Pa
-  double settled_stress = 0;      // Pa, without the mass
-  double displacement = 0;        // m
-  double velocity = 0;            // m/s, of the mass
-  double instant_strain = 0;      // since rest
-  std::array<double, 5> creep{};  // delayed strains
+  double time = 0;                  // s
+  double monitor = 0, field = 0;    // V/m, at the amplifier and across the material
+  double plus = 1, minus = 0;       // mean fractions
+  double stress = 0;                // Pa
+  double settled_stress = 0;        // Pa, without the mass
+  double settled_displacement = 0;  // m
+  double displacement = 0;          // m
+  double velocity = 0;              // m/s, of the mass
+  double instant_strain = 0;        // since rest
+  std::array<double, 5> creep{};    // delayed strains
   double heat = 0, viscous = 0;
   double friction = 0, direction = 0;  // Dahl's states
   double switched = 0;                 // integral |dP_irr|, C/m^2

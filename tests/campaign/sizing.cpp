@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 namespace ferrobench::campaign {
 namespace {
@@ -75,8 +76,7 @@ double Sizing::size(const model::EffectSetting& effect, const std::array<double,
   return std::isfinite(largest) ? largest : std::numeric_limits<double>::infinity();
 }
 
-// Secants in log(size) over log(parameter), within a bracket. Effects that fade as the parameter grows go
-// the other way round.
+// Secants in log(size) over log(parameter), within a bracket.
 model::EffectSetting Sizing::sized(model::EffectSetting effect, const model::EffectParameter& first,
                                    double wanted, const std::array<double, 4>& noise, double* reached) const {
   double& value = effect.parameters.front().second;
@@ -87,12 +87,15 @@ model::EffectSetting Sizing::sized(model::EffectSetting effect, const model::Eff
   };
   double low = std::log(first.low), high = std::log(first.high);
   double at = 0.5 * (low + high);
-  double f_low = measure(low + 0.2 * (high - low)), f_high = measure(low + 0.8 * (high - low));
-  const bool rises = f_high > f_low;
+  // A limit, a resistivity, a stiffness, a decay time: the larger, the less.
+  static const std::set<std::string, std::less<>> fading{"displacement_clipping", "amplifier_slew_limit",
+                                                         "dielectric_leakage", "passive_layer_compliance",
+                                                         "charge_amplifier_decay"};
+  const bool rises = !fading.contains(effect.id);
   double last = 0, last_f = 0, f = 0;
-  for (int i = 0; i < 14; ++i) {
+  for (int i = 0; i < 12; ++i) {
     f = measure(at);
-    if (std::abs(f) < 0.1) break;
+    if (std::abs(f) < 0.15) break;
     ((f > 0) == rises ? high : low) = at;
     double next = at - f * (rises ? 1 : -1);
     if (i > 0 && std::isfinite(f) && std::isfinite(last_f) && f != last_f)

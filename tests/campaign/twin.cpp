@@ -87,7 +87,7 @@ class Player {
     slope_ = slope;
     double done = 0;
     while (done < span) {
-      double h = std::min(span - done, longest_step(span));
+      double h = std::min(span - done, longest_step(span, from + slope * done));
       if (span - done - h < 0.3 * h) h = span - done > 1.001 * h ? 0.5 * (span - done) : span - done;
       while (!step(h, from + slope * (done + h), begin + done + h)) {
         h *= 0.5;
@@ -118,13 +118,14 @@ class Player {
            (std::abs(m.remanent_strain_90) + std::abs(m.piezoelectric_180 * now_.field));
   }
 
-  double longest_step(double span) const {
+  double longest_step(double span, double command) const {
     double h = std::max(0.02 * span, 0.25 * (now_.time - corner_));
-    const double behind = mechanics_.terms().slew_rate ? *mechanics_.terms().slew_rate : 0;
-    const double speed = std::max(std::abs(slope_), behind);
+    const auto& rate = mechanics_.terms().slew_rate;
+    const bool behind = rate && std::abs(command - now_.monitor) > 1e-9 * std::abs(command);
+    const double speed = behind ? *rate : std::abs(slope_);
     if (speed > 0) h = std::min(h, options_.path / (per_field() * speed));
     const double period = mechanics_.period();
-    if (period > 0 && per_stress() * std::abs(now_.stress - now_.settled_stress) > 0.05)
+    if (period > 0 && per_stress() * std::abs(now_.stress - now_.settled_stress) > 0.1)
       h = std::min(h, period / 16);
     return h;
   }

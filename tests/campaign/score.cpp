@@ -1,0 +1,152 @@
+#include "tests/campaign/score.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace ferrobench::campaign {
+namespace {
+
+Outcome start(const Bench& b) {
+  Outcome o;
+  o.index = b.index;
+  o.kind = b.kind;
+  o.coloured = b.coloured;
+  for (const auto& e : b.effects) o.truth.insert(e.id);
+  o.in_catalogue = b.kind != Kind::outside && b.kind != Kind::withheld;
+  for (const double size : b.sizes) o.size = std::max(o.size, size);
+  return o;
+}
+
+std::set<std::string> ids_of(const model::Explanation& explanation) {
+  std::set<std::string> out;
+  for (const auto& e : explanation.effects) out.insert(e.id);
+  return out;
+}
+
+// One of the explanations, or a name that the answer calls equivalent to the truth.
+bool within_class(const Outcome& o, const model::Discovery& d) {
+  for (const auto& explanation : d.explanations)
+    if (ids_of(explanation) == o.truth) return true;
+  if (o.named.size() != o.truth.size()) return false;
+  return std::all_of(o.truth.begin(), o.truth.end(), [&](const std::string& id) {
+    if (o.named.contains(id)) return true;
+    return std::any_of(d.equivalent.begin(), d.equivalent.end(), [&](const auto& group) {
+      const auto has = [&](const std::string& name) {
+        return std::find(group.begin(), group.end(), name) != group.end();
+      };
+      return has(id) && std::any_of(o.named.begin(), o.named.end(), has);
+    });
+  });
+}
+
+double rms(const model::ChannelFigures& figures) {
+  double sum = 0;
+  for (const auto& [channel, value] : figures) sum += value * value;
+  return figures.empty() ? 0 : std::sqrt(sum / static_cast<double>(figures.size()));
+}
+
+std::string joined(const std::set<std::string>& names) {
+  std::string out;
+  for (const auto& name : names) out += (out.empty() ? "" : "+") + name;
+  return out.empty() ? "-" : out;
+}
+
+std::string_view kind_name(Kind kind) {
+  for (const auto& [k, name] : enum_names(Kind{}))
+    if (k == kind) return name;
+  return "";
+}
+
+}  // namespace
+
+bool Outcome::right() const {
+  if (truth.empty()) return verdict == "nothing_missing";
+  if (!in_catalogue) return verdict == "unknown";
+  return names() && named == truth;
+}
+
+bool Outcome::hit() const {
+  return names() &&
+         std::any_of(named.begin(), named.end(), [&](const auto& id) { return truth.contains(id); });
+}
+
+bool Outcome::wrong_name() const {
+  return names() && std::any_of(named.begin(), named.end(),
+                                [&](const auto& id) { return !in_catalogue || !truth.contains(id); });
+}
+
+Outcome score(const Bench& b, const model::Discovery& d) {
+  Outcome o = start(b);
+  for (const auto& [verdict, name] : enum_names(model::Verdict{}))
+    if (verdict == d.verdict) o.verdict = name;
+  if (o.names() && !d.explanations.empty()) {
+    const auto& best = d.explanations.front();
+    o.named = ids_of(best);
+    o.probability = best.probability;
+    for (const auto& found : best.effects)
+      for (const auto& hidden : b.effects)
+        if (found.id == hidden.id && o.in_catalogue)
+          for (const auto& p : found.parameters)
+            for (const auto& [name, value] : hidden.parameters)
+              if (name == p.name) o.parameter_errors.push_back(std::abs(p.value / value - 1));
+    o.class_right = o.in_catalogue && !o.truth.empty() && within_class(o, d);
+  } else {
+    o.probability = o.verdict == "unknown" ? d.probability_unknown : d.probability_nothing;
+  }
+  if (d.family) {
+    o.family = std::string(model::family_name(*d.family));
+    o.family_right = std::find(b.families.begin(), b.families.end(), *o.family) != b.families.end();
+  }
+  o.before = rms(d.held_out.before);
+  o.after = rms(d.held_out.after);
+  o.seconds = d.health.seconds;
+  return o;
+}
+
+Outcome score_error(const Bench& b, const std::string& what) {
+  Outcome o = start(b);
+  o.verdict = "error";
+  o.error = what;
+  return o;
+}
+
+std::string line_of(const Outcome& o) {
+  std::vector<double> errors = o.parameter_errors;
+  std::sort(errors.begin(), errors.end());
+  char numbers[160];
+  std::snprintf(numbers, sizeof numbers, "p %.2f  %.0f s  parameters %s  held out %.2f -> %.2f",
+                o.probability, o.seconds,
+                errors.empty()
+                    ? "-"
+                    : (std::to_string(static_cast<int>(std::lround(100 * errors.back()))) + " %").c_str(),
+                o.before, o.after);
+  char truth[128];
+  std::snprintf(truth, sizeof truth, "%03d %-8s %s (%.1f)", o.index, std::string(kind_name(o.kind)).c_str(),
+                joined(o.truth).c_str(), o.size);
+  std::string out = std::string(o.right() ? "  " : o.wrong_name() ? "! " : "? ") + truth + " : " + o.verdict;
+  if (o.names()) out += " " + joined(o.named);
+  if (o.verdict == "unknown" && o.family) out += " [" + *o.family + "]";
+  if (!o.error.empty()) out += ": " + o.error;
+  return out + "  " + numbers;
+}
+
+nlohmann::json to_json(const Outcome& o) {
+  return {{"index", o.index},
+          {"kind", kind_name(o.kind)},
+          {"coloured", o.coloured},
+          {"truth", o.truth},
+          {"size", o.size},
+          {"verdict", o.verdict},
+          {"error", o.error},
+          {"named", o.named},
+          {"family", o.family ? nlohmann::json(*o.family) : nlohmann::json()},
+          {"probability", o.probability},
+          {"right", o.right()},
+          {"right_up_to_class", o.right() || o.class_right},
+          {"parameter_errors", o.parameter_errors},
+          {"held_out", {{"before", o.before}, {"after", o.after}}},
+          {"seconds", o.seconds}};
+}
+
+}  // namespace ferrobench::campaign
