@@ -145,7 +145,8 @@ void read_effects(FileShape& file, std::vector<Problem>& problems) {
       if (value.is_number())
         setting.parameters.emplace_back(name, value.get<double>());
       else
-        problems.push_back({.path = path + "/" + name, .message = "must be a number", .given = value});
+        problems.push_back(
+            {.path = fields_detail::pointer(path, name), .message = "must be a number", .given = value});
     }
     file.model.effects.push_back(std::move(setting));
   }

@@ -40,7 +40,8 @@ std::unique_ptr<Kinetics> make_kinetics(const Model& model, const KineticConstan
 }  // namespace
 
 struct Simulator::State {
-  State(const Model& given, const SimulationOptions& given_options) : model(given), options(given_options) {
+  State(Model given, const SimulationOptions& given_options)
+      : model(std::move(given)), options(given_options) {
     install_effects(model, ports);
     constants = kinetic_constants(model.material);
     constants.stress_stabilization = ports.stress_stabilization;

@@ -131,16 +131,15 @@ TEST(Figure417, CreepsAtTheCoerciveField) {
   const double field = -4 * (a.barrier - std::sqrt(a.barrier * barrier)) / a.remanent_polarization;
   const Program p{{{0, 0}, {0.1, field}, {50.1, field}}, 0.1};
   const auto t = run(m, p);
-  const auto fallen = [&](int from, int to) {  // seconds of the hold
-    return t.charge[static_cast<std::size_t>(1 + 10 * from)] -
-           t.charge[static_cast<std::size_t>(1 + 10 * to)];
+  const auto fallen = [&](std::size_t from, std::size_t to) {  // seconds of the hold
+    return t.charge[1 + 10 * from] - t.charge[1 + 10 * to];
   };
   const double all =
       2 * a.remanent_polarization * m.actuator.area * static_cast<double>(m.actuator.layer_count);
   EXPECT_GT(fallen(0, 50), 0.9 * all);
   EXPECT_GT(fallen(0, 10), fallen(10, 20));
   EXPECT_GT(fallen(10, 20), 1.5 * fallen(20, 30));
-  for (int s = 0; s < 50; ++s) EXPECT_GT(fallen(s, s + 1), 0) << s;
+  for (std::size_t s = 0; s < 50; ++s) EXPECT_GT(fallen(s, s + 1), 0) << s;
   // It passes through 90, which is shorter than either end.
   const auto lowest = *std::min_element(t.displacement.begin(), t.displacement.end());
   EXPECT_LT(lowest, t.displacement.back() + 0.2 * a.remanent_strain_90 * m.actuator.length);
@@ -179,7 +178,7 @@ TEST(Figure419, ButterflyOpensIntoATriangle) {
     for (std::size_t i = 0; i < x.size(); ++i)
       EXPECT_NEAR(x[i], c.up.displacement[x.size() - 1 - i], 0.01 * depth) << k << " " << c.down.field[i];
     const auto inside = [&](double v) { return v < lowest + 0.5 * depth; };
-    const double width = static_cast<double>(std::count_if(x.begin(), x.end(), inside));
+    const auto width = static_cast<double>(std::count_if(x.begin(), x.end(), inside));
     EXPECT_GT(depth, last_depth) << k;
     EXPECT_GT(width, 1.2 * last_width) << k;
     last_depth = depth;

@@ -11,7 +11,8 @@ namespace ferrobench::model {
 namespace {
 
 TEST(Barrier, ObeysDetailedBalance) {
-  for (double force = -6e5; force <= 6e5; force += 7e3) {
+  for (int i = -86; i <= 86; ++i) {
+    const double force = 7e3 * i;
     EXPECT_NEAR(barrier_equal_curvature(force, 5e4) - barrier_equal_curvature(-force, 5e4), -force, 1e-6);
     for (const double other : {1.5e-8, 2.5e-8, 3.5e-8})
       EXPECT_NEAR(barrier_unequal_curvature(force, 5e4, 0.3, 2.5e-8, other, false) -
