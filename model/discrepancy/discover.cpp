@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "model/discrepancy/proof.h"
+#include "model/discrepancy/report.h"
 #include "model/discrepancy/signals.h"
 #include "model/discrepancy/verdict.h"
 
@@ -105,11 +106,11 @@ SimulationOptions choose_simulation(Session& s, const Hypothesis& base) {
   };
   const auto fine = at(1e-5, 7);
   SimulationOptions out;
-  for (const double tolerance : {3e-4, 1e-4, 3e-5}) {
+  for (const double tolerance : {3e-4, 1e-4, 6e-5, 3e-5}) {
     out.tolerance = tolerance;
     s.out.health.numerical_error_over_noise =
         (at(tolerance, 0) - fine).norm() / std::sqrt(static_cast<double>(fine.size()));
-    if (s.out.health.numerical_error_over_noise < 0.02) break;
+    if (s.out.health.numerical_error_over_noise < 0.05) break;
   }
   return out;
 }
@@ -254,6 +255,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings, co
   }
   out.health.simulations = misfit.simulations();
   out.health.seconds = std::chrono::duration<double>(Clock::now() - s.begin).count();
+  out.sentences = findings(out);
   s.tick("done", 1);
   return std::move(s.out);
 }
