@@ -1,5 +1,7 @@
 #include "tests/recordings/sample.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <stdexcept>
 

@@ -1,4 +1,6 @@
 // The door over HTTP: what is let in, what is refused and how, and what a refusal leaves undone.
+#include <gtest/gtest.h>
+
 #include <fstream>
 #include <thread>
 

@@ -1,4 +1,5 @@
 // The Unix socket and the blocking client on it.
+#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>

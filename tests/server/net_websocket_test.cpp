@@ -1,4 +1,6 @@
 // The WebSocket, seen by a client of Boost.Beast.
+#include <gtest/gtest.h>
+
 #include <boost/asio/connect.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>

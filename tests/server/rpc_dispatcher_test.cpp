@@ -1,4 +1,6 @@
 // What the specification leaves to the server: limits, hints, roles, errors of the table.
+#include <gtest/gtest.h>
+
 #include "server/rpc/dispatcher.h"
 
 namespace ferrobench::server {

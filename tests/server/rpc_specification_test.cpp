@@ -1,6 +1,8 @@
 // The examples of the JSON-RPC 2.0 specification, section 7, one by one. The specification leaves
 // `error.data` to the server; ours always has it and is looked at in rpc_dispatcher_test.cpp, so it is taken
 // off before the comparison.
+#include <gtest/gtest.h>
+
 #include "server/rpc/dispatcher.h"
 
 namespace ferrobench::server {

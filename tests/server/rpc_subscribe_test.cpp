@@ -1,4 +1,6 @@
 // Topics, outboxes and what a slow client is told.
+#include <gtest/gtest.h>
+
 #include <atomic>
 #include <thread>
 
