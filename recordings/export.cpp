@@ -43,20 +43,14 @@ void export_csv(const Recording& recording, std::ostream& out) {
 
 void export_json(const Recording& recording, std::ostream& out) {
   const auto& h = recording.header;
-  nlohmann::json head{
-      {"title", h.title},
-      {"status", recording.status},
-      {"start_time", h.start_time},
-      {"entry_identifier", h.entry_identifier},
-      {"sample",
-       {{"name", h.specimen.name},
-        {"length_m", h.specimen.length},
-        {"area_m2", h.specimen.area},
-        {"layer_thickness_m", h.specimen.layer_thickness},
-        {"layer_count", h.specimen.layer_count}}},
-      {"load", {{"spring_stiffness_N_per_m", h.load.spring_stiffness}, {"prestress_Pa", h.load.prestress}}},
-      {"segments", nlohmann::json::array()},
-      {"events", nlohmann::json::array()}};
+  nlohmann::json head{{"title", h.title},
+                      {"status", recording.status},
+                      {"start_time", h.start_time},
+                      {"entry_identifier", h.entry_identifier},
+                      {"sample", to_json(h.specimen)},
+                      {"load", to_json(h.load)},
+                      {"segments", nlohmann::json::array()},
+                      {"events", nlohmann::json::array()}};
   for (const auto& s : recording.segments)
     head["segments"].push_back({{"start_sample", s.start_sample},
                                 {"end_sample", s.end_sample},

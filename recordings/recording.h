@@ -24,6 +24,10 @@ struct LoadCase {
   double prestress = 0;         // Pa, compressive positive
 };
 
+// With the units in the names: {"length_m": ...}.
+nlohmann::json to_json(const Specimen& specimen);
+nlohmann::json to_json(const LoadCase& load);
+
 // The measured channels, in the order of the file's data group.
 enum class Channel { command, field, charge, displacement, force };
 inline constexpr std::array<Channel, 5> all_channels{Channel::command, Channel::field, Channel::charge,
