@@ -122,7 +122,7 @@ void add_model_methods(Dispatcher& rpc, Engine& engine) {
                       return out;
                     });
   rpc.add<ModelName>({.name = "model.get", .doc = "A model by name."},
-                      [&engine](const ModelName& p) { return ModelText{engine.store().model(p.name)}; });
+                     [&engine](const ModelName& p) { return ModelText{engine.store().model(p.name)}; });
   rpc.add<NoParams>(
       {.name = "model.schema", .doc = "JSON Schema of a model.", .result_schema = {{"type", "object"}}},
       [](const NoParams&) { return model::model_schema(); });

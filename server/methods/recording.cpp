@@ -132,31 +132,25 @@ json info_of(const fs::path& path) {
   json channels = json::array();
   for (const auto channel : s.channels) channels.push_back(recordings::channel_name(channel));
   const auto& h = s.header;
-  return {
-      {"name", path.stem().string()},
-      {"path", path.string()},
-      {"title", h.title},
-      {"status", s.status},
-      {"reason", s.reason},
-      {"start_time", h.start_time},
-      {"end_time", s.end_time},
-      {"identifier", h.entry_identifier},
-      {"run_seed", h.run_seed ? json(*h.run_seed) : json(nullptr)},
-      {"rows", s.rows},
-      {"duration_s", s.duration},
-      {"channels", channels},
-      {"segments", s.segment_count},
-      {"events", s.event_count},
-      {"specimen",
-       {{"name", h.specimen.name},
-        {"length_m", h.specimen.length},
-        {"area_m2", h.specimen.area},
-        {"layer_thickness_m", h.specimen.layer_thickness},
-        {"layer_count", h.specimen.layer_count}}},
-      {"load", {{"spring_stiffness_N_per_m", h.load.spring_stiffness}, {"prestress_Pa", h.load.prestress}}},
-      {"protocol", h.protocol},
-      {"model", h.model},
-      {"device", h.device}};
+  return {{"name", path.stem().string()},
+          {"path", path.string()},
+          {"title", h.title},
+          {"status", s.status},
+          {"reason", s.reason},
+          {"start_time", h.start_time},
+          {"end_time", s.end_time},
+          {"identifier", h.entry_identifier},
+          {"run_seed", h.run_seed ? json(*h.run_seed) : json(nullptr)},
+          {"rows", s.rows},
+          {"duration_s", s.duration},
+          {"channels", channels},
+          {"segments", s.segment_count},
+          {"events", s.event_count},
+          {"specimen", to_json(h.specimen)},
+          {"load", to_json(h.load)},
+          {"protocol", h.protocol},
+          {"model", h.model},
+          {"device", h.device}};
 }
 
 json columns_of(const fs::path& path, const ReadParams& p) {
@@ -220,12 +214,12 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
         return row_of(path);
       });
   rpc.add<RecordingName>({.name = "recording.delete", .doc = "Deletes a recording.", .role = Role::control},
-                      [&engine](const RecordingName& p) {
-                        std::error_code failure;
-                        if (!fs::remove(at_rest(engine, p.name), failure))
-                          throw Error(ErrorCode::io_error, "the recording cannot be deleted",
-                                      Problem{.message = failure.message(), .given = p.name});
-                      });
+                         [&engine](const RecordingName& p) {
+                           std::error_code failure;
+                           if (!fs::remove(at_rest(engine, p.name), failure))
+                             throw Error(ErrorCode::io_error, "the recording cannot be deleted",
+                                         Problem{.message = failure.message(), .given = p.name});
+                         });
 }
 
 }  // namespace
@@ -239,10 +233,11 @@ void add_recording_methods(Dispatcher& rpc, Engine& engine) {
                         out.recordings.push_back(row_of(engine.store().recordings() / (name + ".h5")));
                       return out;
                     });
-  rpc.add<RecordingName>({.name = "recording.info",
-                       .doc = "All that a recording says beside its samples.",
-                       .result_schema = object},
-                      [&engine](const RecordingName& p) { return info_of(engine.store().recording(p.name)); });
+  rpc.add<RecordingName>(
+      {.name = "recording.info",
+       .doc = "All that a recording says beside its samples.",
+       .result_schema = object},
+      [&engine](const RecordingName& p) { return info_of(engine.store().recording(p.name)); });
   rpc.add<ReadParams>(
       {.name = "recording.read",
        .doc = "Samples to draw, in SI: {time, <channel>: {first, min, max}}. For all of them, get the file.",
