@@ -173,13 +173,13 @@ void Engine::demand_rest(const std::string& what) const {
                 Problem{.given = run_->id(), .hint = "wait for its end, or run.abort it"});
 }
 
-void Engine::set_limits(const daq::Limits& limits) {
-  if (auto found = daq::problems(limits); !found.empty())
-    throw Error(ErrorCode::invalid_params, "the limits are not valid", std::move(found));
+void Engine::set_limits(const nlohmann::json& named) {
   {
     const std::scoped_lock lock(mutex_);
     demand_rest("limits cannot change");
-    limits_ = limits;
+    auto all = write_json(limits_);
+    all.update(named);
+    limits_ = daq::limits_from_json(all);
   }
   hub_.publish("events",
                {{"time", recordings::iso_now()}, {"kind", "limits"}, {"message", "the limits were changed"}});

@@ -39,7 +39,8 @@ class Engine {
   bool is_being_written(const std::filesystem::path& path) const;
 
   daq::Limits limits() const;
-  void set_limits(const daq::Limits& limits);  // Error(invalid_params), Error(busy) during a run
+  // {"field_max": 1e6}: changes what it names. Error(invalid_params), Error(busy) during a run.
+  void set_limits(const nlohmann::json& named);
 
   // A device that stays open keeps the state of its specimen from run to run.
   std::string open_device(const std::string& kind, const nlohmann::json& config);

@@ -11,12 +11,12 @@ void describe(Visitor& visit, RunParams& p) {
   visit("run", p.run, {.doc = "\"\": the latest"});
 }
 struct AbortParams {
-  std::string run{}, reason = "stopped by a client";
+  std::string run{}, reason{};
 };
 template <class Visitor>
 void describe(Visitor& visit, AbortParams& p) {
   visit("run", p.run, {.doc = "\"\": the latest"});
-  visit("reason", p.reason, {.doc = "kept in the recording"});
+  visit("reason", p.reason, {.doc = "kept in the recording, beside who stopped it"});
 }
 struct RunList {
   std::vector<RunStatus> runs{};
@@ -48,9 +48,11 @@ void add_run_methods(Dispatcher& rpc, Engine& engine) {
                        return engine.status(p.run);
                      });
   rpc.add<AbortParams>(
-      {.name = "run.abort", .doc = "A safe stop: the output ramps to zero.", .role = Role::control},
-      [&engine](const AbortParams& p) {
-        engine.abort(p.run, p.reason);
+      {.name = "run.abort",
+       .doc = "The emergency stop: the output ramps to zero. For everybody, whoever holds the lease.",
+       .role = Role::stop},
+      [&engine](const AbortParams& p, CallContext& caller) {
+        engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason));
         return engine.status(p.run);
       });
   rpc.add<NoParams>({.name = "run.list", .doc = "The runs since the daemon started."},

@@ -1,3 +1,5 @@
+#include <map>
+
 #include "recordings/version.h"
 #include "server/methods/methods.h"
 #include "server/rpc/discover.h"
@@ -20,6 +22,19 @@ void describe(Visitor& visit, SystemInfo& s) {
   visit("uptime_s", s.uptime, {.unit = "s"});
   visit("limits", s.limits, {.doc = "in force"});
   visit("run_state", s.run_state, {});
+}
+
+// Every limit, but none of them needed.
+struct LimitsChange {
+  std::map<std::string, std::optional<double>, std::less<>> named{};
+};
+template <class Visitor>
+void describe(Visitor& visit, LimitsChange& change) {
+  auto each = [&](std::string_view name, double&, const FieldInfo& info) {
+    visit(name, change.named[std::string(name)], info);
+  };
+  daq::Limits all;
+  describe(each, all);
 }
 
 struct JobParams {
@@ -115,13 +130,13 @@ void add_system_methods(Dispatcher& rpc, Engine& engine) {
                     });
   rpc.add<NoParams>({.name = "limits.get", .doc = "What the guard lets pass."},
                     [&engine](const NoParams&) { return engine.limits(); });
-  rpc.add<daq::Limits>({.name = "limits.set",
-                        .doc = "Sets the limits; those not named take their defaults. Not during a run.",
-                        .role = Role::control},
-                       [&engine](const daq::Limits& limits) {
-                         engine.set_limits(limits);
-                         return engine.limits();
-                       });
+  rpc.add<LimitsChange>({.name = "limits.set",
+                         .doc = "Sets the limits named; the others stay as they are. Not during a run.",
+                         .role = Role::control},
+                        [&engine](const LimitsChange& change) {
+                          engine.set_limits(write_json(change));
+                          return engine.limits();
+                        });
   add_jobs(rpc, engine);
   add_leases(rpc, engine);
 }

@@ -40,7 +40,9 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
  public:
   HttpSession(Service& service, boost::asio::ip::tcp::socket socket)
       : Session(service), stream_(std::move(socket)), context_(std::make_shared<CallContext>()) {
-    context_->client = "http " + std::to_string(service.connections);
+    error_code gone;
+    const auto peer = stream_.socket().remote_endpoint(gone);
+    context_->client = "http " + peer.address().to_string() + " port " + std::to_string(peer.port());
   }
 
   void start(bool full) {

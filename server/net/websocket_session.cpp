@@ -80,7 +80,7 @@ class WebSocketSession final : public Conversation {
 void start_websocket(Service& service, beast::tcp_stream stream,
                      beast::http::request<beast::http::string_body> request,
                      std::shared_ptr<CallContext> context) {
-  context->client = "websocket " + std::to_string(service.connections);
+  context->client.replace(0, std::string_view("http").size(), "websocket");
   std::make_shared<WebSocketSession>(service, std::move(stream), std::move(request), std::move(context))
       ->accept();
 }

@@ -9,11 +9,12 @@ namespace ferrobench::server {
 
 class Subscriber;
 
-// What a method does: looks, or changes something (and then needs the lease if somebody holds one).
-enum class Role { view, control };
+// What a method does: looks, or changes something (and then needs the lease if somebody holds one), or makes
+// the bench safe, which nobody is ever refused.
+enum class Role { view, control, stop };
 
 struct CallContext {
-  std::string client;  // "http 127.0.0.1:40112", "unix 7": for the log and to name a lease's holder
+  std::string client;  // "http 127.0.0.1 port 40112", "unix 7": for the log and to name a lease's holder
   std::string lease;   // the lease this client presented or acquired, "" for none
   std::shared_ptr<Subscriber> subscriber;  // null where notifications cannot be sent (HTTP POST)
 };

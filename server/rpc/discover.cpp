@@ -12,6 +12,18 @@ std::string area(const std::string& method) {
   return dot == std::string::npos ? "notifications" : method.substr(0, dot);
 }
 
+const char* role_name(Role role) {
+  switch (role) {
+    case Role::view:
+      return "view";
+    case Role::control:
+      return "control";
+    case Role::stop:
+      return "stop";
+  }
+  return "";
+}
+
 json describe_method(const Method& method) {
   json params = json::array();
   for (const auto& p : method.parameters) {
@@ -29,7 +41,7 @@ json describe_method(const Method& method) {
           {"params", std::move(params)},
           {"result", {{"name", method.info.name + " result"}, {"schema", method.info.result_schema}}},
           {"errors", std::move(errors)},
-          {"x-role", method.info.role == Role::control ? "control" : "view"}};
+          {"x-role", role_name(method.info.role)}};
 }
 
 }  // namespace
@@ -51,7 +63,9 @@ json openrpc_document(const Dispatcher& dispatcher, const Hub& hub, const std::s
             {"version", version},
             {"description",
              "Field programs, runs, recordings and models of ferroelectric actuators. SI units unless "
-             "x-unit or the name says otherwise."}}},
+             "x-unit or the name says otherwise. While a client holds the lease, methods of x-role "
+             "\"control\" are "
+             "for that client alone; \"view\" and \"stop\" are for everybody."}}},
           {"methods", std::move(methods)},
           {"components", {{"errors", std::move(errors)}}},
           {"x-notifications", std::move(topics)}};

@@ -114,6 +114,40 @@ TEST_F(EngineTest, TheLeaseIsTheGate) {
   EXPECT_NO_THROW(rpc.call("limits.set", limits, three));
 }
 
+TEST_F(EngineTest, EverybodyMayStopARun) {
+  Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  CallContext holder{.client = "holder", .lease = "", .subscriber = nullptr}, viewer = holder;
+  viewer.client = "viewer";
+  rpc.call("lease.acquire", nullptr, holder);
+  rpc.call("run.start", write_json(request(trapezium(0.2, 30), false)), holder);
+  await({RunState::running});
+  EXPECT_EQ(code_of([&] { rpc.call("run.pause", nullptr, viewer); }), ErrorCode::not_controller);
+  rpc.call("run.abort", {{"reason", "smoke"}}, viewer);
+  const auto status = await({RunState::aborted});
+  EXPECT_EQ(status.reason, "stopped by viewer: smoke");
+  EXPECT_TRUE(status.output_at_zero);
+  const auto r = recordings::read_recording(status.path);
+  EXPECT_EQ(std::ranges::count(r.events, status.reason, &recordings::Event::message), 1);
+}
+
+TEST_F(EngineTest, LimitsNotNamedStay) {
+  Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  CallContext caller{.client = "one", .lease = "", .subscriber = nullptr};
+  rpc.call("limits.set", {{"force_max", 300}}, caller);
+  const auto now = rpc.call("limits.set", {{"field_max", 1e6}, {"slew", nullptr}}, caller);
+  EXPECT_EQ(now["force_max"], 300);
+  EXPECT_EQ(now["field_max"], 1e6);
+  EXPECT_EQ(now["slew"], daq::Limits{}.slew);
+  const auto problems = problems_of([&] {
+    rpc.call("limits.set", {{"force_max", "high"}, {"slow", 1}}, caller);
+  });
+  ASSERT_EQ(problems.size(), 2u);
+  EXPECT_EQ(problems[0].path, "/force_max");
+  EXPECT_EQ(rpc.call("limits.get", nullptr, caller), now);
+}
+
 TEST(Lease, RunsOut) {
   Lease lease;
   CallContext one{.client = "one", .lease = "", .subscriber = nullptr}, two = one;
