@@ -124,9 +124,9 @@ class Player {
     const bool behind = rate && std::abs(command - now_.monitor) > 1e-9 * std::abs(command);
     const double speed = behind ? *rate : std::abs(slope_);
     if (speed > 0) h = std::min(h, options_.path / (per_field() * speed));
-    const double period = mechanics_.period();
-    if (period > 0 && per_stress() * std::abs(now_.stress - now_.settled_stress) > 0.1)
-      h = std::min(h, period / 16);
+    const double ringing = per_stress() * std::abs(now_.stress - now_.settled_stress);
+    if (mechanics_.period() > 0 && ringing > 0.1)
+      h = std::min(h, mechanics_.period() / std::max(16.0, 8 * ringing));
     return h;
   }
 
