@@ -34,7 +34,7 @@ void export_csv(const Recording& recording, std::ostream& out) {
     line.clear();
     for (const auto& column : columns) {
       if (&column != columns.data()) line += ',';
-      if (!std::isnan((*column.values)[i])) line += number_in_full((*column.values)[i]);
+      if (std::isfinite((*column.values)[i])) line += number_in_full((*column.values)[i]);
     }
     line += '\n';
     out << line;
@@ -69,7 +69,7 @@ void export_json(const Recording& recording, std::ostream& out) {
     out << (&column == columns.data() ? "\"" : ",\"") << column.name << "\":[";
     for (std::size_t i = 0; i < column.values->size(); ++i) {
       const double value = (*column.values)[i];
-      out << (i > 0 ? "," : "") << (std::isnan(value) ? "null" : number_in_full(value));
+      out << (i > 0 ? "," : "") << (std::isfinite(value) ? number_in_full(value) : "null");
     }
     out << ']';
   }

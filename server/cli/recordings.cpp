@@ -2,11 +2,11 @@
 #include <iostream>
 #include <sstream>
 
+#include "recordings/export.h"
 #include "recordings/file.h"
 #include "recordings/reports/report.h"
 #include "server/cli/link.h"
 #include "server/engine/simulation.h"
-#include "server/engine/text_table.h"
 
 namespace ferrobench::cli {
 
@@ -62,9 +62,10 @@ int simulate(const RecordingOptions& o, const Common& common) {
   return exit_ok;
 }
 
-int export_csv(const RecordingOptions& o, const Common& common) {
+int export_samples(const RecordingOptions& o, const Common& common) {
+  const auto recording = recordings::read_recording(recording_argument(o.recording, common));
   std::ostringstream text;
-  server::write_csv(recordings::read_recording(recording_argument(o.recording, common)), text);
+  o.format == "csv" ? export_csv(recording, text) : export_json(recording, text);
   write_output(o.out, text.str());
   return exit_ok;
 }
@@ -83,6 +84,7 @@ void add_list(CLI::App& app, Common& common) {
   sub->add_option("--format", o->format, "text or json")
       ->check(CLI::IsMember(std::vector<std::string>{"text", "json"}))
       ->default_val("text");
+  sub->footer("Example:\n  ferrobench list --format json");
   act(sub, o, common, list);
 }
 
@@ -114,15 +116,15 @@ void add_simulate(CLI::App& app, Common& common) {
 }
 
 void add_export(CLI::App& app, Common& common) {
-  auto* sub = app.add_subcommand("export", "Write a recording's samples as CSV, in SI units");
+  auto* sub = app.add_subcommand("export", "Write a recording's samples as CSV or JSON, in SI units");
   auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
-  sub->add_option("--format", o->format, "csv")
-      ->check(CLI::IsMember(std::vector<std::string>{"csv"}))
+  sub->add_option("--format", o->format, "csv: the samples; json: with specimen, load, segments and events")
+      ->check(CLI::IsMember(std::vector<std::string>{"csv", "json"}))
       ->default_val("csv");
   sub->add_option("--out", o->out, "default: standard output")->type_name("FILE");
   sub->footer("Example:\n  ferrobench export creep.h5 --out creep.csv");
-  act(sub, o, common, export_csv);
+  act(sub, o, common, export_samples);
 }
 
 }  // namespace ferrobench::cli

@@ -14,16 +14,6 @@ using recordings::Channel;
 
 namespace {
 
-constexpr std::array<std::string_view, 5> csv_names{"command_V_per_m", "field_V_per_m", "charge_C",
-                                                    "displacement_m", "force_N"};
-
-void put_number(std::string& line, double value) {
-  if (!std::isfinite(value)) return;
-  std::array<char, 32> text;
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
-  line.append(text.data(), end);
-}
-
 std::vector<std::string> cells_of(const std::string& line) {
   std::vector<std::string> out;
   std::istringstream in(line);
@@ -48,24 +38,6 @@ double number_in(const std::string& text, std::size_t line, const std::string& c
 }
 
 }  // namespace
-
-void write_csv(const recordings::Recording& r, std::ostream& out) {
-  std::string line = "time_s";
-  for (const auto channel : recordings::all_channels)
-    if (r.has(channel)) line += "," + std::string(csv_names.at(static_cast<std::size_t>(channel)));
-  out << line << '\n';
-  for (std::size_t i = 0; i < r.size(); ++i) {
-    line.clear();
-    put_number(line, r.time[i]);
-    for (const auto channel : recordings::all_channels) {
-      if (!r.has(channel)) continue;
-      line += ',';
-      put_number(line, r.at(channel)[i]);
-    }
-    line += '\n';
-    out << line;
-  }
-}
 
 recordings::Recording read_csv(const CsvImport& import) {
   recordings::Recording r;

@@ -1,17 +1,12 @@
-// A recording's samples as text, and text as a recording.
+// A table of samples, written as text, as a recording. The other way is recordings/export.h.
 #pragma once
 
-#include <ostream>
 #include <string>
 
 #include "protocols/common/fields.h"
 #include "recordings/recording.h"
 
 namespace ferrobench::server {
-
-// One line of names with units ("time_s,command_V_per_m,..."), then a line a row; numbers read back to the
-// same double, an empty cell is a gap.
-void write_csv(const recordings::Recording& recording, std::ostream& out);
 
 // Where a channel stands in a CSV file: SI value = offset + scale * what is written there.
 struct ColumnMap {

@@ -1,6 +1,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "recordings/export.h"
 #include "recordings/iso_time.h"
 #include "recordings/reports/report.h"
 #include "server/engine/live.h"
@@ -186,7 +187,7 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
         const auto path = engine.store().recording(p.name);
         const auto out = fs::path(path).replace_extension(".csv");
         std::ofstream file(out);
-        write_csv(recordings::read_recording(path.string()), file);
+        recordings::export_csv(recordings::read_recording(path.string()), file);
         file.close();
         if (!file) throw Error(ErrorCode::io_error, "the CSV file cannot be written");
         return Exported{out.filename().string(), out.string(), static_cast<std::int64_t>(fs::file_size(out))};

@@ -3,6 +3,7 @@
 #include <sstream>
 
 #include "engine_bench.h"
+#include "recordings/export.h"
 #include "server/engine/live.h"
 #include "server/engine/sink.h"
 #include "server/engine/text_table.h"
@@ -247,7 +248,7 @@ TEST(TextTable, CsvComesBackAsARecording) {
   r.set(Channel::field) = {0, 1e5, 2e5, 1e5};
   r.set(Channel::displacement) = {0, 1e-7, NAN, 1.0 / 3e6};
   std::ostringstream text;
-  write_csv(r, text);
+  recordings::export_csv(r, text);
   CsvImport import;
   import.csv = text.str();
   import.time.column = "time_s";
