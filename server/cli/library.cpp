@@ -74,6 +74,11 @@ CLI::App* add(CLI::App* parent, const std::string& name, const std::string& help
 void add_protocol(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("protocol", "The shipped experiments, and help with writing one's own");
   sub->require_subcommand(1);
+  sub->footer(
+      "Examples:\n"
+      "  ferrobench protocol show full-loops > mine.json\n"
+      "  ferrobench protocol preview mine.json --set rate=10\n"
+      "  ferrobench run mine.json --fast");
   auto o = std::make_shared<Options>();
   add(sub, "list", "Names, titles and sources", o, common, list_protocols);
   add(sub, "show", "One as JSON: a start for one's own", o, common,
@@ -100,6 +105,11 @@ void add_protocol(CLI::App& app, Common& common) {
 void add_model(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("model", "The shipped parameter sets, and those put into the data folder");
   sub->require_subcommand(1);
+  sub->footer(
+      "A model's file can be used wherever a name can; 'ferrobench call model.put' keeps it under a name.\n"
+      "Examples:\n"
+      "  ferrobench model show soft-pzt > mine.json\n"
+      "  ferrobench run full-loops --fast --model mine.json");
   auto o = std::make_shared<Options>();
   add(sub, "list", "Names and titles", o, common, list_models);
   add(sub, "show", "One as JSON: a start for one's own", o, common,
