@@ -55,6 +55,14 @@ void describe(Visitor& visit, LeaseParams& p) {
   visit("duration_s", p.seconds, {.unit = "s", .min = 1, .max = 3600, .doc = "how long without renewal"});
 }
 
+struct ReleaseParams {
+  std::string lease{};
+};
+template <class Visitor>
+void describe(Visitor& visit, ReleaseParams& p) {
+  visit("lease", p.lease, {.doc = "\"\": the one of this connection"});
+}
+
 struct AcquireParams {
   double seconds = 60;
 };
@@ -99,19 +107,20 @@ void add_jobs(Dispatcher& rpc, Engine& engine) {
 }
 
 void add_leases(Dispatcher& rpc, Engine& engine) {
-  rpc.add<AcquireParams>(
-      {.name = "lease.acquire",
-       .doc = "Makes the caller the only one who may control. By HTTP, present it as Ferrobench-Lease."},
-      [&engine](const AcquireParams& p, CallContext& caller) {
-        return engine.lease().acquire(caller, p.seconds);
-      });
+  rpc.add<AcquireParams>({.name = "lease.acquire",
+                          .doc = "Makes the caller the only one who may control. By HTTP, present it as "
+                                 "Ferrobench-Lease. Anybody may "
+                                 "still run.abort."},
+                         [&engine](const AcquireParams& p, CallContext& caller) {
+                           return engine.lease().acquire(caller, p.seconds);
+                         });
   rpc.add<LeaseParams>({.name = "lease.renew", .doc = "Keeps the lease for another while."},
                        [&engine](const LeaseParams& p, CallContext& caller) {
                          return engine.lease().renew(caller, p.lease, p.seconds);
                        });
-  rpc.add<LeaseParams>(
+  rpc.add<ReleaseParams>(
       {.name = "lease.release", .doc = "Gives the lease back."},
-      [&engine](const LeaseParams& p, CallContext& caller) { engine.lease().release(caller, p.lease); });
+      [&engine](const ReleaseParams& p, CallContext& caller) { engine.lease().release(caller, p.lease); });
   rpc.add<NoParams>({.name = "lease.status", .doc = "Who controls, if anybody."},
                     [&engine](const NoParams&) { return engine.lease().status(); });
 }
