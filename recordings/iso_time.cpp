@@ -1,5 +1,6 @@
 #include "recordings/iso_time.h"
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>

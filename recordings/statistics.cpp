@@ -1,5 +1,6 @@
 #include "recordings/statistics.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 

@@ -6,6 +6,7 @@
 #include <random>
 #include <thread>
 
+#include "model/discrepancy/experiment.h"
 #include "model/discrepancy/proof.h"
 #include "model/discrepancy/report.h"
 #include "model/discrepancy/signals.h"
@@ -97,46 +98,52 @@ void split(Session& s) {
     throw Error(ErrorCode::invalid_params, "all recordings are held out: there is nothing to learn from");
 }
 
-// The loosest tolerance at which the simulations' own error hardly shows in the residuals.
+// The cheapest simulation whose own error hardly shows in the residuals.
 SimulationOptions choose_simulation(Session& s, const Hypothesis& base) {
+  constexpr double hardly = 0.08;  // of the noise
   const Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(base.coordinates.size()));
-  const auto at = [&](double tolerance, std::uint64_t shift) {
-    const Misfit m(s.bench, s.noise, s.train, {.tolerance = tolerance, .shift = shift}, s.threads);
-    return m.residuals(base, z);
+  const auto at = [&](const SimulationOptions& options) {
+    return Misfit(s.bench, s.noise, s.train, options, s.threads).residuals(base, z);
   };
-  const auto fine = at(1e-5, 7);
+  const auto fine = at({.tolerance = 3e-5, .domains = 8000, .shift = 7});
   SimulationOptions out;
-  for (const double tolerance : {3e-4, 1e-4, 6e-5, 3e-5}) {
-    out.tolerance = tolerance;
+  for (const auto& [tolerance, domains] :
+       {std::pair{1e-3, 250}, {3e-4, 500}, {3e-4, 1000}, {1e-4, 1000}, {1e-4, 2000}, {5e-5, 4000}}) {
+    out = {.tolerance = tolerance, .domains = domains};
     s.out.health.numerical_error_over_noise =
-        (at(tolerance, 0) - fine).norm() / std::sqrt(static_cast<double>(fine.size()));
-    if (s.out.health.numerical_error_over_noise < 0.05) break;
+        (at(out) - fine).norm() / std::sqrt(static_cast<double>(fine.size()));
+    if (s.out.health.numerical_error_over_noise < hardly) break;
   }
+  if (s.out.health.numerical_error_over_noise > 2 * hardly)
+    s.out.health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
   return out;
 }
 
+// From the given model, and roughly from other starts: one of them may lead to a better minimum.
 Fit fit_base(Session& s, const Misfit& misfit, const Hypothesis& base) {
   std::mt19937_64 random(s.options.seed);
   std::normal_distribution<double> normal;
   const auto n = static_cast<Eigen::Index>(base.coordinates.size());
-  std::vector<double> reached;
-  Fit best;
-  for (int start = 0; start < base_starts; ++start) {
-    Eigen::VectorXd z = Eigen::VectorXd::Zero(n);
-    if (start > 0)
-      for (Eigen::Index i = 0; i < n; ++i) z[i] = normal(random);
-    FitLimits limits{.iterations = 16, .refreshes = start == 0 ? 4 : 2, .enough = 1, .tick = {}};
-    limits.tick = [&] { s.tick("recalibrating the model", 0.02 + 0.28 * start / base_starts); };
-    auto f = fit(misfit, base, z, limits);
-    reached.push_back(f.squares);
-    if (start == 0 || f.squares < best.squares) best = std::move(f);
+  FitLimits limits{.iterations = 20, .refreshes = 4, .enough = 0.5, .tick = {}};
+  limits.tick = [&] { s.tick("recalibrating the model", 0.03); };
+  Fit best = fit(misfit, base, Eigen::VectorXd::Zero(n), limits);
+  const Misfit rough(s.bench, s.noise, s.train, {.tolerance = 1e-3, .domains = 250}, s.threads);
+  const FitLimits quick{.iterations = 8, .refreshes = 2, .enough = 5, .tick = limits.tick};
+  const double reached = fit(rough, base, best.z, quick).squares;
+  double least = std::numeric_limits<double>::infinity();
+  for (int start = 1; start < base_starts; ++start) {
+    Eigen::VectorXd z(n);
+    for (Eigen::Index i = 0; i < n; ++i) z[i] = normal(random);
+    limits.tick = [&] { s.tick("recalibrating from other starts", 0.1 + 0.15 * start / base_starts); };
+    const auto other = fit(rough, base, z, quick);
+    least = std::min(least, other.squares);
+    if (other.squares > 0.98 * reached) continue;
+    auto better = fit(misfit, base, other.z, limits);
+    if (better.squares < best.squares) best = std::move(better);
   }
-  // The best once more to its end, with a Jacobian of its own.
-  best = fit(misfit, base, best.z, {.iterations = 10, .refreshes = 3, .enough = 0.3, .tick = {}});
   refresh(misfit, best);
-  std::ranges::sort(reached);
   s.out.health.starts = base_starts;
-  s.out.health.start_spread = reached.size() > 1 ? (reached[1] - best.squares) / best.squares : 0;
+  s.out.health.start_spread = (least - reached) / reached;
   return best;
 }
 
@@ -227,7 +234,12 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings, co
   else if (out.verdict == Verdict::unknown)
     out.family = explained_by_signals(misfit, fitted).family;
 
-  s.tick("the proof", 0.92);
+  if (out.verdict == Verdict::ambiguous && judgement.trials.size() > 1) {
+    s.tick("looking for the experiment that would decide", 0.91);
+    out.next_experiment = choose_experiment(misfit, s.noise, judgement.trials[0].first->fit,
+                                            judgement.trials[1].first->fit, evidence_scale);
+  }
+  s.tick("the proof", 0.95);
   const Fit& after = best != nullptr ? best->fit : fitted;
   const auto residuals = plain_residuals(misfit, fitted.hypothesis, fitted.z);
   out.where = excess_by_stretch(misfit, residuals);

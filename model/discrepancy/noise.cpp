@@ -21,10 +21,10 @@ using Covariances = Eigen::Matrix<double, lags, 1>;
 
 const Eigen::Matrix<double, window, window>& detrending() {
   static const auto matrix = [] {
-    Eigen::Matrix<double, window, 3> basis;
+    Eigen::Matrix<double, window, 5> basis;
     for (int i = 0; i < window; ++i) {
       const double u = 2.0 * i / (window - 1) - 1;
-      basis.row(i) << 1, u, u * u;
+      basis.row(i) << 1, u, u * u, u * u * u, u * u * u * u;
     }
     const Eigen::Matrix<double, window, window> projection =
         basis * (basis.transpose() * basis).inverse() * basis.transpose();
@@ -125,7 +125,7 @@ Colour colour_of(const Covariances& c, std::size_t windows) {
       best = {parts[1] / (parts[0] + parts[1]), correlation_rows.at(i)};
     }
   }
-  return least < 0.6 * misfit && best.slow_share > 0.05 ? best : Colour{};
+  return least < 0.6 * misfit && best.slow_share > 0.2 ? best : Colour{};
 }
 
 struct Quiet {

@@ -2,7 +2,7 @@
 //
 // Noise is taken as white plus, where the data show it, an exponentially correlated part (an AR(1) process in
 // continuous time). Its level comes from second differences (statistics.h), which signals hardly touch; its
-// colour from the autocovariance within the quiet windows of the recording, detrended by a parabola. A tone
+// colour from the autocovariance within the quiet windows of the recording, detrended by a quartic. A tone
 // is no noise and is taken out before.
 #pragma once
 

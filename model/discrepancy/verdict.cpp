@@ -6,8 +6,6 @@
 namespace ferrobench::model::discrepancy {
 namespace {
 
-// Sums of squares count for less than their face value: two honest programs differ by more than noise.
-constexpr double evidence_scale = 12;
 constexpr double certain = 0.9;  // together, the names that are given
 
 double logistic(double x) {

@@ -6,6 +6,9 @@
 
 namespace ferrobench::model::discrepancy {
 
+// Sums of squares count for less than their face value: two honest programs differ by more than noise.
+inline constexpr double evidence_scale = 12;
+
 struct Judgement {
   Verdict verdict = Verdict::nothing_missing;
   std::vector<std::pair<const Trial*, double>> trials;  // with probability, best first

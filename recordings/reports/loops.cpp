@@ -1,5 +1,6 @@
 #include "recordings/reports/loops.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace ferrobench::recordings {
