@@ -8,8 +8,8 @@
 namespace ferrobench::model::discrepancy {
 namespace {
 
-constexpr std::size_t rows = 600;
-constexpr double longest = 3600;  // s
+constexpr std::size_t planned_rows = 600;
+constexpr double longest_plan = 3600;  // s
 
 // The program on the bench: the specimen, load and channels of a recording that is there.
 std::optional<BenchRecording> planned(const std::string& protocol, const BenchRecording& like, double low,
@@ -20,7 +20,7 @@ std::optional<BenchRecording> planned(const std::string& protocol, const BenchRe
   } catch (const Error&) {
     return std::nullopt;  // written for another specimen
   }
-  if (w.minimum() < low || w.maximum() > high || w.duration() > longest) return std::nullopt;
+  if (w.minimum() < low || w.maximum() > high || w.duration() > longest_plan) return std::nullopt;
   BenchRecording out;
   out.name = protocol;
   out.header = like.header;
@@ -38,7 +38,7 @@ std::optional<BenchRecording> planned(const std::string& protocol, const BenchRe
     for (int i = 1; i <= std::max(1, parts); ++i) knot(piece.start + piece.duration * i / std::max(1, parts));
   }
   // As many rows in each leg, since legs differ by decades in duration.
-  const std::size_t each = std::max<std::size_t>(4, rows / out.knot_time.size());
+  const std::size_t each = std::max<std::size_t>(4, planned_rows / out.knot_time.size());
   for (std::size_t k = 1; k < out.knot_time.size(); ++k)
     for (std::size_t i = 0; i < each; ++i)
       out.time.push_back(out.knot_time[k - 1] + (out.knot_time[k] - out.knot_time[k - 1]) *
@@ -55,7 +55,7 @@ std::optional<BenchRecording> planned(const std::string& protocol, const BenchRe
 
 std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
                                                 const std::vector<std::vector<NoiseModel>>& noise,
-                                                const Fit& a, const Fit& b, double evidence_scale) {
+                                                const Fit& a, const Fit& b, double scale) {
   double low = 0, high = 0;
   for (const auto& r : misfit.bench())
     for (const double e : r.knot_field) {
@@ -88,7 +88,7 @@ std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
     const double evidence = f.residual.squaredNorm() - pull.dot(information.ldlt().solve(pull));
     if (std::isfinite(evidence) && evidence > most) {
       most = evidence;
-      best = {protocol, std::exp(std::min(40.0, evidence / (2 * evidence_scale)))};
+      best = {protocol, std::exp(std::min(40.0, evidence / (2 * scale)))};
     }
   }
   if (best.expected_odds < 3) return std::nullopt;

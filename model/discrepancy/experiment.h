@@ -5,7 +5,7 @@
 //
 //   T = min over d of |W (y_A - y_B) - J_B d|^2 + d^T N_B d,      odds = exp(T / 2s)
 //
-// with N_B the information that B's numbers rest on already, and s the scale on which evidence counts.
+// with N_B the information that B's numbers rest on already, and s (`scale`) that on which evidence counts.
 #pragma once
 
 #include "model/discrepancy/naming.h"
@@ -16,6 +16,6 @@ namespace ferrobench::model::discrepancy {
 // of the recordings are left out.
 std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
                                                 const std::vector<std::vector<NoiseModel>>& noise,
-                                                const Fit& a, const Fit& b, double evidence_scale);
+                                                const Fit& a, const Fit& b, double scale);
 
 }  // namespace ferrobench::model::discrepancy

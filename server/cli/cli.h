@@ -29,6 +29,7 @@ void add_report(CLI::App& app, Common& common);
 void add_table(CLI::App& app, Common& common);
 void add_simulate(CLI::App& app, Common& common);
 void add_fit(CLI::App& app, Common& common);
+void add_discover(CLI::App& app, Common& common);
 void add_protocol(CLI::App& app, Common& common);
 void add_model(CLI::App& app, Common& common);
 void add_call(CLI::App& app, Common& common);

@@ -38,6 +38,7 @@ void build(CLI::App& app, Common& common) {
   add_table(app, common);
   add_simulate(app, common);
   add_fit(app, common);
+  add_discover(app, common);
   add_protocol(app, common);
   add_model(app, common);
   add_call(app, common);

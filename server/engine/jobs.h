@@ -31,7 +31,7 @@ struct JobStatus {
 template <class Visitor>
 void describe(Visitor& visit, JobStatus& s) {
   visit("job", s.job, {.required = true});
-  visit("kind", s.kind, {.doc = "run, simulate, fit"});
+  visit("kind", s.kind, {.doc = "run, simulate, fit, discover"});
   visit("state", s.state, {.required = true});
   visit("progress", s.progress, {.min = 0, .max = 1});
   visit("stage", s.stage, {.doc = "what it is at"});

@@ -9,6 +9,7 @@
 // | run       | start status pause resume abort list                             |
 // | recording | list info read report export import annotate delete             |
 // | model     | list get put schema simulate fit                                 |
+// | discrepancy | start status result                                            |
 // | job       | status cancel                                                    |
 // | lease     | acquire renew release status                                     |
 // |           | subscribe unsubscribe rpc.discover                               |
@@ -28,5 +29,6 @@ void add_protocol_methods(Dispatcher& rpc, Engine& engine);
 void add_run_methods(Dispatcher& rpc, Engine& engine);
 void add_recording_methods(Dispatcher& rpc, Engine& engine);
 void add_model_methods(Dispatcher& rpc, Engine& engine);
+void add_discrepancy_methods(Dispatcher& rpc, Engine& engine);
 
 }  // namespace ferrobench::server

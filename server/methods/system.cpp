@@ -157,6 +157,7 @@ void add_all_methods(Dispatcher& rpc, Engine& engine) {
   add_run_methods(rpc, engine);
   add_recording_methods(rpc, engine);
   add_model_methods(rpc, engine);
+  add_discrepancy_methods(rpc, engine);
   add_subscription_methods(rpc, engine.hub());
   add_discovery(rpc, engine.hub(), std::string(recordings::software_version()));
   rpc.set_gate(

@@ -1,0 +1,120 @@
+#include "model/discrepancy/discover.h"
+#include "model/discrepancy/report.h"
+#include "recordings/file.h"
+#include "server/engine/simulation.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+struct DiscoveryParams {
+  std::vector<std::string> recordings{}, held_out{};
+  json model{};
+  std::string name{};
+  std::int64_t seed = 1;
+};
+template <class Visitor>
+void describe(Visitor& visit, DiscoveryParams& p) {
+  visit("recordings", p.recordings, {.required = true, .doc = "names of the recordings of the bench"});
+  visit("model", p.model, {.doc = "name or model in question; absent: the default one"});
+  visit("held_out", p.held_out, {.doc = "names of those to lock away for the proof; absent: chosen"});
+  visit("name", p.name, {.doc = "keeps the improved model under this name"});
+  visit("seed", p.seed, {.min = 0, .doc = "of the recalibration's other starts"});
+}
+struct DiscoveryJob {
+  std::string job{};
+};
+template <class Visitor>
+void describe(Visitor& visit, DiscoveryJob& p) {
+  visit("job", p.job, {.required = true, .doc = "as discrepancy.start gave it"});
+}
+enum class DiscoveryFormat { as_json, as_html, as_text };
+std::span<const std::pair<DiscoveryFormat, std::string_view>> enum_names(DiscoveryFormat) {
+  static constexpr std::array<std::pair<DiscoveryFormat, std::string_view>, 3> names{
+      {{DiscoveryFormat::as_json, "json"}, {DiscoveryFormat::as_html, "html"}, {DiscoveryFormat::as_text, "text"}}};
+  return names;
+}
+struct DiscoveryResult {
+  std::string job{};
+  DiscoveryFormat format = DiscoveryFormat::as_json;
+};
+template <class Visitor>
+void describe(Visitor& visit, DiscoveryResult& p) {
+  visit("job", p.job, {.required = true, .doc = "as discrepancy.start gave it"});
+  visit("format", p.format, {.doc = "json: all of it; html: the report; text: the report for a terminal"});
+}
+
+json search_discrepancy(Engine& engine, const DiscoveryParams& p, Jobs::Handle& job) {
+  job.say(0, "reading");
+  const auto base = model::model_from_json(resolve_model(p.model, engine.store()));
+  std::vector<model::NamedRecording> recordings;
+  for (const auto& name : p.recordings)
+    recordings.push_back({name, recordings::read_recording(engine.store().recording(name).string())});
+  model::DiscoverOptions options;
+  options.held_out = p.held_out;
+  options.seed = static_cast<std::uint64_t>(p.seed);
+  options.progress = [&job](const model::DiscoverProgress& progress) {
+    job.say(progress.fraction, progress.stage);
+    return !job.cancelled();
+  };
+  const auto found = model::discover(base, std::move(recordings), options);
+  if (!p.name.empty()) engine.store().put_model(p.name, to_json(found.improved));
+  return {{"discovery", to_json(found)}, {"html", html_report(found)}, {"text", text_report(found)}};
+}
+
+JobStatus discovery_status(Engine& engine, const std::string& id) {
+  auto status = engine.jobs().status(id);
+  if (status.kind != "discover")
+    throw Error(ErrorCode::not_found, "the job is no search for a discrepancy",
+                Problem{.path = "/job", .message = "is a job of another kind", .given = id});
+  return status;
+}
+
+}  // namespace
+
+void add_discrepancy_methods(Dispatcher& rpc, Engine& engine) {
+  rpc.add<DiscoveryParams>(
+      {.name = "discrepancy.start",
+       .doc =
+           "Finds what a model misses in recordings, names it, adds it, and proves it on unseen ones. A job; "
+           "job.cancel stops it.",
+       .role = Role::control},
+      [&engine](const DiscoveryParams& p) {
+        if (!p.name.empty()) check_name(p.name, "/name");
+        for (const auto& name : p.recordings) engine.store().recording(name);
+        const auto id = engine.jobs().start(
+            "discover", [&engine, p](Jobs::Handle& job) { return search_discrepancy(engine, p, job); });
+        return engine.jobs().status(id);
+      });
+  rpc.add<DiscoveryJob>(
+      {.name = "discrepancy.status", .doc = "How far a search is: stage, progress, time left."},
+      [&engine](const DiscoveryJob& p) {
+        auto status = discovery_status(engine, p.job);
+        status.result = nullptr;
+        return status;
+      });
+  rpc.add<DiscoveryResult>(
+      {.name = "discrepancy.result",
+       .doc = "What a search found: verdict, explanations, where, gap, improved model; or its report.",
+       .result_schema = {{"type", json::array({"object", "string"})}}},
+      [&engine](const DiscoveryResult& p) -> json {
+        const auto status = discovery_status(engine, p.job);
+        if (status.state != JobState::complete)
+          throw Error(
+              ErrorCode::bad_state, "there is no result yet",
+              Problem{.path = "/job", .message = "is not complete", .given = p.job, .hint = status.stage});
+        switch (p.format) {
+          case DiscoveryFormat::as_html:
+            return status.result.at("html");
+          case DiscoveryFormat::as_text:
+            return status.result.at("text");
+          case DiscoveryFormat::as_json:
+            break;
+        }
+        return status.result.at("discovery");
+      });
+}
+
+}  // namespace ferrobench::server
