@@ -33,7 +33,7 @@ struct Bench {
 };
 
 struct BenchOptions {
-  int domains = 4128;
+  int domains = 8256;
 };
 
 // The same seed, index and kind always give the same bench.

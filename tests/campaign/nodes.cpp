@@ -78,8 +78,11 @@ Nodes draw_nodes(const model::Material& m, const model::Polycrystal& p, int coun
   std::array<std::size_t, 3> axes{0, 1, 2};
   std::sort(axes.begin(), axes.end(), [&](auto a, auto b) { return reach.at(a) > reach.at(b); });
   if (reach.at(axes[0]) == 0) return {{m.barrier}, {bias}, {0}, {1}};
-  const Rule second = reach.at(axes[1]) > 0 ? gauss_hermite(8) : Rule{Point{}};
-  const Rule third = reach.at(axes[2]) > 0 ? gauss_hermite(6) : Rule{Point{}};
+  // Partly switched states are not smooth along the other spreads: 8 x 6 leaves 1e-3 of the range there,
+  // however many points a line has. Few nodes must do with it, as lines need some twenty points each.
+  const bool many = count >= 6000;
+  const Rule second = reach.at(axes[1]) > 0 ? gauss_hermite(many ? 16 : 8) : Rule{Point{}};
+  const Rule third = reach.at(axes[2]) > 0 ? gauss_hermite(many ? 12 : 6) : Rule{Point{}};
   const auto lines = static_cast<int>(second.size() * third.size());
   Nodes out;
   double offset = 0.25;

@@ -40,7 +40,7 @@ TEST_P(EachReference, IsGivenBackByTheTwin) {
     const auto [low, high] = std::minmax_element(theirs.begin(), theirs.end());
     if (*high - *low < 1e-9) continue;  // no spring: the force does not move
     const double error = apart(theirs, column(twin, channel));
-    EXPECT_LT(error, 1e-3) << channel_name(channel);
+    EXPECT_LT(error, 3e-4) << channel_name(channel);
   }
 }
 
@@ -55,8 +55,8 @@ TEST(Twin, IsConverged) {
   const model::Program program{{{0, 0}, {0.2, -2e6}, {0.6, 2e6}, {0.8, 0}, {0.81, -6e5}, {1.8, -6e5}}, 2e-3};
   const auto setting = model::library_model("soft-pzt");
   const auto plain = play(setting, {}, program.time, program.field);
-  const auto finer = play(setting, {}, program.time, program.field, {.domains = 4128, .path = 0.25});
-  const auto more = play(setting, {}, program.time, program.field, {.domains = 16512});
+  const auto finer = play(setting, {}, program.time, program.field, {.domains = 8256, .path = 0.25});
+  const auto more = play(setting, {}, program.time, program.field, {.domains = 33024});
   for (const auto channel : {Channel::charge, Channel::displacement}) {
     EXPECT_LT(apart(column(plain, channel), column(finer, channel)), 1e-4) << channel_name(channel);
     EXPECT_LT(apart(column(plain, channel), column(more, channel)), 2e-4) << channel_name(channel);
