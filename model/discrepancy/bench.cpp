@@ -80,8 +80,7 @@ void set_drive(BenchRecording& out, const Recording& r) {
 }
 
 // Rows: all samples, or so many that those after each corner stay dense and the others are evenly thinned.
-std::vector<std::size_t> choose_rows(const Recording& r, const std::vector<double>& knots,
-                                     std::size_t most) {
+std::vector<std::size_t> choose_rows(const Recording& r, const std::vector<double>& knots, std::size_t most) {
   const std::size_t n = r.size();
   std::vector<std::size_t> out;
   if (n <= most) {
@@ -91,8 +90,8 @@ std::vector<std::size_t> choose_rows(const Recording& r, const std::vector<doubl
   std::set<std::size_t> chosen;
   const std::size_t dense = most / 3 / std::max<std::size_t>(1, knots.size());
   for (const double knot : knots) {
-    auto i = static_cast<std::size_t>(
-        std::lower_bound(r.time.begin(), r.time.end(), r.time.front() + knot) - r.time.begin());
+    auto i = static_cast<std::size_t>(std::lower_bound(r.time.begin(), r.time.end(), r.time.front() + knot) -
+                                      r.time.begin());
     double step = 1;
     for (std::size_t k = 0; k < dense && i < n; ++k, step *= 1.05) {
       chosen.insert(i);
@@ -133,8 +132,8 @@ void add_channels(BenchRecording& out, const Recording& r, const std::vector<std
     m.channel = channel;
     m.range = high - low;
     m.scatter = recordings::estimate_noise(known);
-    m.offset_is_free = channel == Channel::charge && r.header.charge_reference ==
-                                                         recordings::ChargeReference::first_sample;
+    m.offset_is_free =
+        channel == Channel::charge && r.header.charge_reference == recordings::ChargeReference::first_sample;
     for (const std::size_t row : rows) m.value.push_back(std::isfinite(all[row]) ? all[row] : NAN);
     out.channels.push_back(std::move(m));
   }

@@ -103,8 +103,7 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
   return out;
 }
 
-Amplitude::Amplitude(const EffectParameter& p)
-    : off_at_infinity(p.off_at_infinity), any_sign(p.any_sign) {
+Amplitude::Amplitude(const EffectParameter& p) : off_at_infinity(p.off_at_infinity), any_sign(p.any_sign) {
   weak = strength(p.off_at_infinity ? p.high : p.low);
   strong = strength(p.off_at_infinity ? p.low : p.high);
 }

@@ -1,5 +1,5 @@
-// The numbers that a fit moves, on scales where 0 is what the given model says and 1 is one standard deviation
-// of what is known beforehand.
+// The numbers that a fit moves, on scales where 0 is what the given model says and 1 is one standard
+// deviation of what is known beforehand.
 //
 //   base parameters, effects that the model has already:   ln(value / given) = 0.12 z       (12 %)
 //   factors on each recording's spring and prestress:      ln(factor) = 0.05 z

@@ -84,8 +84,9 @@ void split(Session& s) {
       if (found == s.bench.end()) {
         std::vector<std::string> names;
         for (const auto& r : s.bench) names.push_back(r.name);
-        throw Error(ErrorCode::invalid_params, "there is no such recording to hold out",
-                    Problem{.path = "/held_out", .message = "is not among them", .given = name, .allowed = names});
+        throw Error(
+            ErrorCode::invalid_params, "there is no such recording to hold out",
+            Problem{.path = "/held_out", .message = "is not among them", .given = name, .allowed = names});
       }
       held[static_cast<std::size_t>(found - s.bench.begin())] = true;
     }
@@ -115,7 +116,8 @@ SimulationOptions choose_simulation(Session& s, const Hypothesis& base) {
     if (s.out.health.numerical_error_over_noise < hardly) break;
   }
   if (s.out.health.numerical_error_over_noise > 2 * hardly)
-    s.out.health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
+    s.out.health.warnings.push_back(
+        "The noise is so low that the simulations' own error shows in the residuals.");
   return out;
 }
 
@@ -147,14 +149,15 @@ Fit fit_base(Session& s, const Misfit& misfit, const Hypothesis& base) {
   return best;
 }
 
-std::map<std::string, Recalibration> recalibrations(const Fit& fit) {
+std::map<std::string, Recalibration> recalibrations(const Fit& fit, double numerical) {
   const Eigen::MatrixXd covariance = fit.normal().inverse();
   std::map<std::string, Recalibration> out;
   for (std::size_t i = 0; i < fit.hypothesis.base_count; ++i) {
     const auto& c = fit.hypothesis.coordinates[i];
     const auto k = static_cast<Eigen::Index>(i);
-    out[c.path] = {c.from, c.value(fit.z[k]),
-                   std::abs(c.slope(fit.z[k])) * std::sqrt(std::max(0.0, covariance(k, k)))};
+    out[c.path] = {
+        c.from, c.value(fit.z[k]),
+        widening(fit, numerical) * std::abs(c.slope(fit.z[k])) * std::sqrt(std::max(0.0, covariance(k, k)))};
   }
   return out;
 }
@@ -192,7 +195,8 @@ void equivalences(Session& s, const Naming& naming, double samples, double close
 
 }  // namespace
 
-Discovery discover(const Model& base, std::vector<NamedRecording> recordings, const DiscoverOptions& options) {
+Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
+                   const DiscoverOptions& options) {
   Session s(options);
   s.threads = options.threads > 0 ? options.threads
                                   : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -225,10 +229,11 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings, co
   out.probability_unknown = judgement.probability_unknown;
   out.probability_nothing = judgement.probability_nothing;
   const Trial* best = nullptr;
-  if (out.verdict == Verdict::named || out.verdict == Verdict::ambiguous) best = judgement.trials.front().first;
+  if (out.verdict == Verdict::named || out.verdict == Verdict::ambiguous)
+    best = judgement.trials.front().first;
   if (out.verdict != Verdict::nothing_missing)
     for (const auto& [trial, probability] : judgement.trials)
-      out.explanations.push_back({estimates(*trial), probability});
+      out.explanations.push_back({estimates(*trial, out.health.numerical_error_over_noise), probability});
   if (best != nullptr)
     out.family = best->effects.front()->family;
   else if (out.verdict == Verdict::unknown)
@@ -253,7 +258,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings, co
   }
   for (auto& t : traces(misfit, fitted.hypothesis, fitted.z, after.hypothesis, after.z, 4, false))
     out.traces.push_back(std::move(t));
-  out.recalibrated = recalibrations(after);
+  out.recalibrated = recalibrations(after, out.health.numerical_error_over_noise);
   out.recalibrated_base = model_at(fitted, "Recalibrated on recordings.");
   out.improved = best != nullptr ? model_at(after, "Recalibrated on recordings, with what was found missing.")
                                  : out.recalibrated_base;

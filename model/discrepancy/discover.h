@@ -88,9 +88,9 @@ struct Health {
   double seconds = 0;
   int simulations = 0;
   double numerical_error_over_noise = 0;
-  int starts = 0;            // of the base model's fit
-  double start_spread = 0;   // sum of squares of the best other start over that from the given model, less 1
-  double largest_left = 0;   // sufficiency: the best other effect's drop of the sum of squares, once repaired
+  int starts = 0;           // of the base model's fit
+  double start_spread = 0;  // sum of squares of the best other start over that from the given model, less 1
+  double largest_left = 0;  // sufficiency: the best other effect's drop of the sum of squares, once repaired
   double allowed_left = 0;
   std::map<recordings::Channel, ChannelNoise> noise;
   std::vector<std::string> warnings;

@@ -16,7 +16,8 @@ std::optional<BenchRecording> planned(const std::string& protocol, const BenchRe
                                       double high) {
   protocols::Waveform w;
   try {
-    w = protocols::library_protocol(protocol).expand({.layer_thickness = like.header.specimen.layer_thickness});
+    w = protocols::library_protocol(protocol).expand(
+        {.layer_thickness = like.header.specimen.layer_thickness});
   } catch (const Error&) {
     return std::nullopt;  // written for another specimen
   }
@@ -81,7 +82,8 @@ std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
       m.range = std::max(m.range, largest - least);
     }
     const Misfit seen(bench, its_noise, {0}, misfit.simulation(), misfit.threads());
-    Fit f{.hypothesis = b.hypothesis, .z = b.z, .residual = seen.residuals(b.hypothesis, b.z), .jacobian = {}};
+    Fit f{
+        .hypothesis = b.hypothesis, .z = b.z, .residual = seen.residuals(b.hypothesis, b.z), .jacobian = {}};
     refresh(seen, f);
     const Eigen::VectorXd pull = f.jacobian.transpose() * f.residual;
     const Eigen::MatrixXd information = known + f.jacobian.transpose() * f.jacobian;

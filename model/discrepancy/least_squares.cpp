@@ -110,7 +110,8 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
     damping = gain > 0.5 * promised ? damping * 0.2 : damping * (gain > 0 ? 1.5 : 8);
     const double enough = std::max(limits.enough, 1e-4 * gained);
     if (gain > std::max(enough, 0.25 * promised)) continue;
-    if (gain >= 0 && gain <= enough && promised <= 4 * enough && (was_fresh || refreshes >= limits.refreshes)) break;
+    if (gain >= 0 && gain <= enough && promised <= 4 * enough && (was_fresh || refreshes >= limits.refreshes))
+      break;
     if (refreshes < limits.refreshes && !was_fresh) {
       refresh(misfit, out);
       ++refreshes;

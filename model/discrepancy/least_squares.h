@@ -9,10 +9,10 @@ namespace ferrobench::model::discrepancy {
 struct Fit {
   Hypothesis hypothesis;
   Eigen::VectorXd z;
-  Eigen::VectorXd residual;   // whitened, at z
-  Eigen::MatrixXd jacobian;   // of the residual, at or near z
-  double squares = 0;         // of residual and priors: -2 ln posterior
-  bool fresh = false;         // the jacobian was made at z
+  Eigen::VectorXd residual;  // whitened, at z
+  Eigen::MatrixXd jacobian;  // of the residual, at or near z
+  double squares = 0;        // of residual and priors: -2 ln posterior
+  bool fresh = false;        // the jacobian was made at z
 
   Eigen::MatrixXd normal() const;  // J^T J and the priors' precision
   Eigen::VectorXd gradient() const;
@@ -20,8 +20,8 @@ struct Fit {
 
 struct FitLimits {
   int iterations = 12;
-  int refreshes = 2;        // full Jacobians, at most
-  double enough = 0.5;      // a smaller gain, or a smaller share than 1e-4 of what was gained, ends it
+  int refreshes = 2;           // full Jacobians, at most
+  double enough = 0.5;         // a smaller gain, or a smaller share than 1e-4 of what was gained, ends it
   std::function<void()> tick;  // called after each simulation round; may throw
 };
 

@@ -160,7 +160,8 @@ std::vector<std::vector<double>> Misfit::simulated(const Hypothesis& hypothesis,
     double offset = n > 0 ? sum / n : 0;
     if (!m.offset_is_free) {
       // Shrunk as the prior on offsets has it.
-      const double prior = std::pow(believed_offset * m.range, 2), own = std::pow(noise_[recording][c].std(), 2);
+      const double prior = std::pow(believed_offset * m.range, 2),
+                   own = std::pow(noise_[recording][c].std(), 2);
       offset *= prior / (prior + own / std::max(1.0, n));
     }
     for (double& v : out[c]) v += offset;

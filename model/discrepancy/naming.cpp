@@ -12,7 +12,8 @@ namespace {
 constexpr std::size_t most_refits = 10, most_firsts = 3, most_seconds = 4;
 constexpr double small_against = 0.004;
 
-std::vector<const Effect*> without(const std::vector<const Effect*>& all, const std::vector<const Effect*>& some) {
+std::vector<const Effect*> without(const std::vector<const Effect*>& all,
+                                   const std::vector<const Effect*>& some) {
   std::vector<const Effect*> out;
   for (const auto* e : all)
     if (std::ranges::find(some, e) == some.end()) out.push_back(e);
@@ -86,16 +87,17 @@ Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& op
     if (options.tick) options.tick(stage, fraction);
   };
   const auto samples = static_cast<double>(misfit.size());
-  out.screened = screen(misfit, base,
-                        {.effects = options.candidates,
-                         .tick = [&](double f) { tick("trying every effect", 0.3 * f); }});
+  out.screened = screen(misfit, base, {.effects = options.candidates, .tick = [&](double f) {
+                                         tick("trying every effect", 0.3 * f);
+                                       }});
   const auto check = [&](Trial& t, double from, double to) {
     if (t.checked) return std::vector<Screened>{};
     refresh(misfit, t.fit);
-    auto more = screen(misfit, t.fit,
-                       {.effects = without(options.candidates, t.effects),
-                        .rounds = 4,
-                        .tick = [&](double f) { tick("is it enough", from + (to - from) * f); }});
+    auto more =
+        screen(misfit, t.fit,
+               {.effects = without(options.candidates, t.effects), .rounds = 4, .tick = [&](double f) {
+                  tick("is it enough", from + (to - from) * f);
+                }});
     t.checked = true;
     if (!more.empty()) {
       t.left = more.front().drop;
@@ -114,13 +116,14 @@ Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& op
   for (std::size_t i = 0; i < std::min(most_refits, out.screened.size()); ++i) {
     const auto& s = out.screened[i];
     if (s.values.empty() || s.drop < 0.3 * options.detect || s.drop < 0.02 * out.screened.front().drop) break;
-    limits.tick = [&, i] { tick("refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i)); };
+    limits.tick = [&, i] {
+      tick("refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i));
+    };
     out.trials.push_back(refit(misfit, base, base, s, {}, limits));
   }
   const auto best_first = [&] {
-    std::ranges::stable_sort(out.trials, [&](const Trial& a, const Trial& b) {
-      return score(a, samples) > score(b, samples);
-    });
+    std::ranges::stable_sort(
+        out.trials, [&](const Trial& a, const Trial& b) { return score(a, samples) > score(b, samples); });
   };
   best_first();
   out.detected = !out.trials.empty() && score(out.trials.front(), samples) > options.detect;
@@ -146,18 +149,21 @@ Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& op
         if (s.values.empty() || s.drop < options.second) break;
         if (!tried.insert({out.trials[i].effects[0]->id, s.effect->id}).second) continue;
         limits.tick = [&] {
-          tick("two effects: " + std::string(out.trials[i].effects[0]->id) + " and " + std::string(s.effect->id),
+          tick("two effects: " + std::string(out.trials[i].effects[0]->id) + " and " +
+                   std::string(s.effect->id),
                0.65 + 0.2 * static_cast<double>(tried.size()) / static_cast<double>(firsts * most_seconds));
         };
         pairs.push_back(refit(misfit, out.trials[i].fit, base, s, out.trials[i].effects, limits));
       }
     }
-    std::ranges::stable_sort(pairs, [&](const Trial& a, const Trial& b) { return score(a, samples) > score(b, samples); });
+    std::ranges::stable_sort(
+        pairs, [&](const Trial& a, const Trial& b) { return score(a, samples) > score(b, samples); });
     for (std::size_t i = 0; i < std::min<std::size_t>(2, pairs.size()); ++i) {
       check(pairs[i], 0.85 + 0.05 * static_cast<double>(i), 0.9 + 0.05 * static_cast<double>(i));
       if (pairs[i].left < allowed_left(options, pairs[i].drop)) break;
     }
-    out.trials.insert(out.trials.end(), std::make_move_iterator(pairs.begin()), std::make_move_iterator(pairs.end()));
+    out.trials.insert(out.trials.end(), std::make_move_iterator(pairs.begin()),
+                      std::make_move_iterator(pairs.end()));
     best_first();
   }
   return out;

@@ -57,7 +57,8 @@ const std::array<Covariances, 8>& expectations() {
   static const auto table = [] {
     std::array<Covariances, 8> out;
     out[0] = expected(0);
-    for (std::size_t i = 0; i < correlation_rows.size(); ++i) out.at(i + 1) = expected(correlation_rows.at(i));
+    for (std::size_t i = 0; i < correlation_rows.size(); ++i)
+      out.at(i + 1) = expected(correlation_rows.at(i));
     return out;
   }();
   return table;
@@ -191,8 +192,9 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
         const double level = m.scatter * std::sqrt(6 / std::max(0.5, 6 - 8 * colour.r1() + 2 * colour.r2()));
         const double floor = smallest_noise * m.range;
         if (level < floor) {
-          warnings.push_back(std::string(recordings::channel_name(channel)) + " of " + bench[r].name +
-                             " has less noise than simulations resolve; 0.02 % of its range is counted as noise.");
+          warnings.push_back(
+              std::string(recordings::channel_name(channel)) + " of " + bench[r].name +
+              " has less noise than simulations resolve; 0.02 % of its range is counted as noise.");
           colour = {};
         }
         const double total = std::max(level, floor);

@@ -46,8 +46,9 @@ std::string verdict_sentence(const Discovery& d) {
       return out + ".";
     }
     case Verdict::unknown: {
-      auto out = fmt::format("Something is missing, but nothing in the catalogue explains it. It acts on: {}.",
-                             d.family ? family_name(*d.family) : "no single place");
+      auto out =
+          fmt::format("Something is missing, but nothing in the catalogue explains it. It acts on: {}.",
+                      d.family ? family_name(*d.family) : "no single place");
       if (!d.explanations.empty() && !d.where.empty())
         out += fmt::format(" The nearest was {}; it is not enough.", names_of(d.explanations.front()));
       return out;
@@ -98,7 +99,8 @@ std::vector<std::string> moved(const Discovery& d) {
   for (const auto& [path, r] : d.recalibrated) {
     const double share = r.to / r.from - 1;
     if (std::abs(r.to - r.from) < 2 * r.std || std::abs(share) < 0.005) continue;
-    out.push_back(fmt::format("{} {:+.1f} % ({:.4g} to {:.4g}, ± {:.2g})", path, 100 * share, r.from, r.to, r.std));
+    out.push_back(
+        fmt::format("{} {:+.1f} % ({:.4g} to {:.4g}, ± {:.2g})", path, 100 * share, r.from, r.to, r.std));
   }
   return out;
 }
@@ -127,16 +129,19 @@ std::vector<Section> sections(const Discovery& d) {
     Section s{"What was added", {}};
     for (const auto& e : d.explanations.front().effects) {
       const auto& effect = find_effect(e.id);
-      s.lines.push_back(fmt::format("{} ({}): {}", readable(e.id), family_name(effect.family), effect.equation));
+      s.lines.push_back(
+          fmt::format("{} ({}): {}", readable(e.id), family_name(effect.family), effect.equation));
       for (const auto& p : e.parameters) s.lines.push_back(parameter_text(effect, p));
     }
     out.push_back(s);
   }
   Section proof{"Proof", {}};
   if (!d.held_out.recordings.empty())
-    proof.lines.push_back(gap_sentence("On recordings that were locked away (" + list(d.held_out.recordings) + ")", d.held_out));
+    proof.lines.push_back(gap_sentence(
+        "On recordings that were locked away (" + list(d.held_out.recordings) + ")", d.held_out));
   else
-    proof.lines.emplace_back("There were too few recordings to lock one away: there is no proof on unseen data.");
+    proof.lines.emplace_back(
+        "There were too few recordings to lock one away: there is no proof on unseen data.");
   proof.lines.push_back(gap_sentence("On the others", d.train));
   out.push_back(proof);
   Section rivals{"Alternatives", {}};
@@ -145,7 +150,8 @@ std::vector<Section> sections(const Discovery& d) {
       rivals.lines.push_back(
           fmt::format("{}: {}", names_of(d.explanations[i]), percent(d.explanations[i].probability)));
   if (d.verdict != Verdict::nothing_missing)
-    rivals.lines.push_back(fmt::format("Something outside the catalogue: {}", percent(d.probability_unknown)));
+    rivals.lines.push_back(
+        fmt::format("Something outside the catalogue: {}", percent(d.probability_unknown)));
   for (const auto& group : d.equivalent) {
     std::vector<std::string> names;
     for (const auto& id : group) names.push_back(readable(id));
@@ -164,7 +170,8 @@ std::vector<Section> sections(const Discovery& d) {
     for (const auto& id : d.not_testable) names.push_back(readable(id));
     limits.lines.push_back("Not testable: " + list(names) + ".");
   }
-  if (limits.lines.empty()) limits.lines.emplace_back("Every effect of the catalogue would have shown at a plausible size.");
+  if (limits.lines.empty())
+    limits.lines.emplace_back("Every effect of the catalogue would have shown at a plausible size.");
   out.push_back(limits);
   Section health{"Health", {}};
   health.lines.push_back(fmt::format(
@@ -175,9 +182,10 @@ std::vector<Section> sections(const Discovery& d) {
         "Left after the explanation: {:.0f} of {:.0f} allowed (drop of the sum of squares by anything more).",
         d.health.largest_left, d.health.allowed_left));
   for (const auto& [channel, n] : d.health.noise)
-    health.lines.push_back(fmt::format(
-        "Noise of the {}: {:.3g} {}{}.", recordings::channel_name(channel), n.std, recordings::channel_unit(channel),
-        n.correlated ? fmt::format(", correlated over {:.2g} s", n.correlation_time) : ""));
+    health.lines.push_back(
+        fmt::format("Noise of the {}: {:.3g} {}{}.", recordings::channel_name(channel), n.std,
+                    recordings::channel_unit(channel),
+                    n.correlated ? fmt::format(", correlated over {:.2g} s", n.correlation_time) : ""));
   for (const auto& w : d.health.warnings) health.lines.push_back(w);
   out.push_back(health);
   return out;
@@ -192,8 +200,10 @@ std::string detectable_table(const Discovery& d) {
       std::string_view unit;
       for (const auto& p : find_effect(id).parameters)
         if (p.name == name) unit = p.unit;
-      out += fmt::format("<tr><td class=\"text\">{}</td><td class=\"text\">{}</td><td>{:.2g}</td><td class=\"text\">{}</td></tr>\n",
-                         readable(id), readable(name), value, escape_html(std::string(unit)));
+      out += fmt::format(
+          "<tr><td class=\"text\">{}</td><td class=\"text\">{}</td><td>{:.2g}</td><td "
+          "class=\"text\">{}</td></tr>\n",
+          readable(id), readable(name), value, escape_html(std::string(unit)));
     }
   return out + "</table></div>\n";
 }
@@ -225,12 +235,30 @@ std::string pictures(const Discovery& d) {
     f.y_label = display.label;
     const auto series = [&](const std::string& label, const std::vector<double>& values) {
       recordings::Series s{.label = label, .points = {}};
-      for (std::size_t i = 0; i < values.size(); ++i) s.points.push_back({t.time[i], display.scale * values[i]});
+      for (std::size_t i = 0; i < values.size(); ++i)
+        s.points.push_back({t.time[i], display.scale * values[i]});
       f.series.push_back(std::move(s));
     };
     series("measured", t.measured);
     series("before", t.before);
-    if (d.verdict == Verdict::named || d.verdict == Verdict::ambiguous) series("after", t.after);
+    const bool repaired = d.verdict == Verdict::named || d.verdict == Verdict::ambiguous;
+    if (repaired) series("after", t.after);
+    // The miss itself, which the curves hide where they are close.
+    recordings::Figure miss{.title = f.title + ": measured less model",
+                            .x_label = f.x_label,
+                            .y_label = f.y_label,
+                            .log_x = false,
+                            .square = false,
+                            .series = {}};
+    figures.push_back(std::move(f));
+    std::swap(f, miss);
+    const auto missed = [&](const std::string& label, const std::vector<double>& values) {
+      auto difference = t.measured;
+      for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= values[i];
+      series(label, difference);
+    };
+    missed("before", t.before);
+    if (repaired) missed("after", t.after);
     figures.push_back(std::move(f));
   }
   if (figures.empty()) return "";
@@ -238,8 +266,9 @@ std::string pictures(const Discovery& d) {
   std::string out = "<h2>Where it matters most</h2>\n<div class=\"pair\">\n";
   for (std::size_t i = 0; i < figures.size(); ++i)
     out += "<figure><figcaption>" + escape_html(figures[i].title) + "</figcaption>" +
-           (drawing.problem.empty() ? drawing.svg[i]
-                                    : "<p class=\"note\">No picture: " + escape_html(drawing.problem) + ".</p>") +
+           (drawing.problem.empty()
+                ? drawing.svg[i]
+                : "<p class=\"note\">No picture: " + escape_html(drawing.problem) + ".</p>") +
            "</figure>\n";
   return out + "</div>\n";
 }
@@ -249,8 +278,7 @@ std::string pictures(const Discovery& d) {
 std::vector<std::string> findings(const Discovery& d) {
   std::vector<std::string> out;
   for (const auto& s : sections(d))
-    if (s.title != "Health")
-      out.insert(out.end(), s.lines.begin(), s.lines.end());
+    if (s.title != "Health") out.insert(out.end(), s.lines.begin(), s.lines.end());
   return out;
 }
 
@@ -274,7 +302,8 @@ std::string html_report(const Discovery& d) {
       for (const auto& line : s.lines) body += "<li>" + escape_html(line) + "</li>\n";
       body += "</ul>\n";
     }
-    if (s.title == "Where the model misses" || (s.title == "Verdict" && d.verdict == Verdict::nothing_missing))
+    if (s.title == "Where the model misses" ||
+        (s.title == "Verdict" && d.verdict == Verdict::nothing_missing))
       body += pictures(d);
   }
   return recordings::html_frame("What the model misses", body + detectable_table(d));

@@ -14,7 +14,8 @@ constexpr double least_response = 1e-2;  // sum of squares; less is none
 constexpr double plausible_response = 25;
 
 // Frequencies at which the displacement's residual has its strongest tones, phase zero at each start.
-std::vector<double> tones(const Misfit& misfit, const Fit& fit, const EffectParameter& range, std::size_t count) {
+std::vector<double> tones(const Misfit& misfit, const Fit& fit, const EffectParameter& range,
+                          std::size_t count) {
   std::vector<const Block*> blocks;
   double longest = 0;
   for (const auto& b : misfit.blocks()) {
@@ -91,8 +92,8 @@ std::vector<double> shapes_of(const EffectParameter& p, const Misfit& misfit, co
 }
 
 struct Probe {
-  std::size_t effect = 0;       // index in the list
-  std::vector<double> shapes;   // of the parameters after the first
+  std::size_t effect = 0;      // index in the list
+  std::vector<double> shapes;  // of the parameters after the first
   double strength = 0;
   int sign = 1;
   bool done = false;
@@ -142,9 +143,9 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
       hypotheses.reserve(end - begin);
       std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
       for (std::size_t i = begin; i < end; ++i) {
-        hypotheses.push_back(
-            with_effect(fit.hypothesis, *out[open[i]->effect].effect, values_of(*open[i])));
-        Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hypotheses.back().coordinates.size()));
+        hypotheses.push_back(with_effect(fit.hypothesis, *out[open[i]->effect].effect, values_of(*open[i])));
+        Eigen::VectorXd z =
+            Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hypotheses.back().coordinates.size()));
         z.head(fit.z.size()) = fit.z;
         places.emplace_back(&hypotheses.back(), std::move(z));
       }
@@ -165,7 +166,9 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
           continue;
         }
         const Drop d = projection.drop(r);
-        if (p.strength <= amplitude.strong * 1.0001) s.excited = std::max(s.excited, d.across * std::pow(std::min(30.0, amplitude.strong / p.strength), 2));
+        if (p.strength <= amplitude.strong * 1.0001)
+          s.excited =
+              std::max(s.excited, d.across * std::pow(std::min(30.0, amplitude.strong / p.strength), 2));
         if (d.across < least_response) {
           go_to(20 * p.strength);
           continue;

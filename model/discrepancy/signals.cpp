@@ -63,10 +63,18 @@ Signal map(const Signal& u, double (*f)(double)) {
   for (std::size_t i = 0; i < u.size(); ++i) out[i] = f(u[i] / largest);
   return out;
 }
-double square(double v) { return v * v; }
-double cube(double v) { return v * v * v; }
-double same(double v) { return v; }
-double magnitude(double v) { return std::abs(v); }
+double square(double v) {
+  return v * v;
+}
+double cube(double v) {
+  return v * v * v;
+}
+double same(double v) {
+  return v;
+}
+double magnitude(double v) {
+  return std::abs(v);
+}
 
 // Dahl's sliding state: which way it went last, over a twentieth of the range.
 Signal sliding(const Signal& x) {
@@ -82,7 +90,8 @@ Signal sliding(const Signal& x) {
 
 Signal integral(const Signal& u, const Signal& t) {
   Signal out(u.size(), 0.0);
-  for (std::size_t i = 1; i < u.size(); ++i) out[i] = out[i - 1] + 0.5 * (u[i] + u[i - 1]) * (t[i] - t[i - 1]);
+  for (std::size_t i = 1; i < u.size(); ++i)
+    out[i] = out[i - 1] + 0.5 * (u[i] + u[i - 1]) * (t[i] - t[i - 1]);
   return map(out, same);
 }
 
@@ -98,7 +107,8 @@ using Functions = std::map<Channel, std::vector<Signal>>;
 Functions functions_of(Family family, const States& s) {
   std::vector<Signal> f;
   const auto sensor = [&](const Signal& u) {
-    f = {map(s.time, same), map(u, square), map(u, cube), map(s.field, same), sliding(u), integral(u, s.time)};
+    f = {map(s.time, same),  map(u, square), map(u, cube),
+         map(s.field, same), sliding(u),     integral(u, s.time)};
     add_lags(f, u, s.time);
   };
   const auto scaled = [](const Signal& u, double by) {
@@ -137,7 +147,8 @@ Functions functions_of(Family family, const States& s) {
       return out;
     }
     case Family::equilibrium: {
-      f = {map(s.displacement, square), map(s.displacement, cube), sliding(s.displacement), map(s.time, same)};
+      f = {map(s.displacement, square), map(s.displacement, cube), sliding(s.displacement),
+           map(s.time, same)};
       add_lags(f, s.displacement, s.time);
       // A force besides the spring's: on the load cell it shows or not, the displacement gives way.
       const double compliance =
@@ -170,7 +181,8 @@ Functions functions_of(Family family, const States& s) {
     out[Channel::force].push_back(scaled(n, per_strain * s.stiffness));
   };
   add(order, ninety);
-  for (const double tau : {0.003, 0.03, 0.3, 3.0}) add(lagged(order, s.time, tau), lagged(ninety, s.time, tau));
+  for (const double tau : {0.003, 0.03, 0.3, 3.0})
+    add(lagged(order, s.time, tau), lagged(ninety, s.time, tau));
   add(map(order, square), map(ninety, square));
   add(map(order, cube), map(ninety, cube));
   return out;
@@ -184,9 +196,9 @@ Explained explained_by_signals(const Misfit& misfit, const Fit& fit) {
   std::vector<std::size_t> order(misfit.chosen());
   in_parallel(order.size(), misfit.threads(),
               [&](std::size_t i) { states.at(order[i]) = states_of(misfit, fit, order[i]); });
-  constexpr std::array families{Family::drive,        Family::charge_sensor, Family::polarization,
-                                Family::displacement_sensor, Family::force_sensor,  Family::strain,
-                                Family::equilibrium,  Family::kinetics};
+  constexpr std::array families{
+      Family::drive,        Family::charge_sensor, Family::polarization, Family::displacement_sensor,
+      Family::force_sensor, Family::strain,        Family::equilibrium,  Family::kinetics};
   std::vector<Explained> found(families.size());
   const Projection projection(fit);
   in_parallel(families.size(), misfit.threads(), [&](std::size_t k) {

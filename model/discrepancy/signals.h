@@ -18,7 +18,7 @@ namespace ferrobench::model::discrepancy {
 
 struct Explained {
   Family family = Family::kinetics;
-  double drop = 0;           // of the sum of squares
+  double drop = 0;  // of the sum of squares
   int functions = 0;
   double beyond_chance = 0;  // drop less what so many functions take of noise
 };

@@ -58,13 +58,16 @@ Judgement judge(const Naming& naming, const NamingOptions& options, double sampl
   return out;
 }
 
-std::vector<EffectEstimate> estimates(const Trial& trial) {
+double widening(const Fit& fit, double numerical) {
+  const auto rows = static_cast<double>(std::max<Eigen::Index>(1, fit.residual.size()));
+  const auto numbers = static_cast<double>(std::max<Eigen::Index>(1, fit.z.size()));
+  return std::sqrt(std::max(1.0, fit.residual.squaredNorm() / rows) + numerical * numerical * rows / numbers);
+}
+
+std::vector<EffectEstimate> estimates(const Trial& trial, double numerical) {
   const auto& h = trial.fit.hypothesis;
   const Eigen::MatrixXd covariance = trial.fit.normal().inverse();
-  // What noise does not explain widens the intervals.
-  const double scale = 1.645 * std::sqrt(std::max(
-                                   1.0, trial.fit.residual.squaredNorm() /
-                                            static_cast<double>(std::max<Eigen::Index>(1, trial.fit.residual.size()))));
+  const double scale = 1.645 * widening(trial.fit, numerical);
   std::vector<EffectEstimate> out;
   std::size_t i = h.base_count;
   for (const auto* effect : trial.effects) {

@@ -52,8 +52,7 @@ int discover(const DiscoverCommand& o, const Common& common) {
   options.seed = o.seed;
   options.progress = [&](const model::DiscoverProgress& p) {
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
-    line.show(p.stage, p.fraction,
-              p.fraction > 0.02 ? spent.count() * (1 - p.fraction) / p.fraction : -1);
+    line.show(p.stage, p.fraction, p.fraction > 0.02 ? spent.count() * (1 - p.fraction) / p.fraction : -1);
     return Interrupt::count() == 0;
   };
   model::Discovery found;
@@ -79,16 +78,19 @@ void add_discover(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand(
       "discover", "Find what a model misses in recordings, name it, add it, and prove it on unseen ones");
   auto o = std::make_shared<DiscoverCommand>();
-  sub->add_option("RECORDING", o->recordings, "files, or names in the data folder; eight of different kinds are good")
+  sub->add_option("RECORDING", o->recordings,
+                  "files, or names in the data folder; eight of different kinds are good")
       ->required();
   sub->add_option("--model", o->model, "the model in question, by name or file")->required();
-  sub->add_option("--held-out", o->held_out,
-                  "recordings to lock away for the proof, by name; default: about a quarter, chosen so that every "
-                  "kind of segment stays on both sides")
+  sub->add_option(
+         "--held-out", o->held_out,
+         "recordings to lock away for the proof, by name; default: about a quarter, chosen so that every "
+         "kind of segment stays on both sides")
       ->type_name("NAME,...")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  sub->add_option("--json", o->json, "file of the whole result; - for standard output")->type_name("OUT.json");
+  sub->add_option("--json", o->json, "file of the whole result; - for standard output")
+      ->type_name("OUT.json");
   sub->add_option("--report", o->report, "file of the report, a page with pictures")->type_name("OUT.html");
   sub->add_option("--improved", o->improved, "file of the improved model")->type_name("OUT-MODEL.json");
   sub->add_option("--threads", o->threads, "0: as many as the machine has")

@@ -33,7 +33,9 @@ void describe(Visitor& visit, DiscoveryJob& p) {
 enum class DiscoveryFormat { as_json, as_html, as_text };
 std::span<const std::pair<DiscoveryFormat, std::string_view>> enum_names(DiscoveryFormat) {
   static constexpr std::array<std::pair<DiscoveryFormat, std::string_view>, 3> names{
-      {{DiscoveryFormat::as_json, "json"}, {DiscoveryFormat::as_html, "html"}, {DiscoveryFormat::as_text, "text"}}};
+      {{DiscoveryFormat::as_json, "json"},
+       {DiscoveryFormat::as_html, "html"},
+       {DiscoveryFormat::as_text, "text"}}};
   return names;
 }
 struct DiscoveryResult {

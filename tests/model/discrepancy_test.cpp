@@ -1,0 +1,220 @@
+// The search for what a model misses, on small benches made by the simulator at other settings and quadrature
+// than the search's own. How often it is right is the campaign's business (tests/campaign).
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "model/discrepancy/discover.h"
+#include "model/discrepancy/noise.h"
+#include "model/discrepancy/report.h"
+#include "model/fit/parameters.h"
+#include "model/simulator.h"
+
+namespace ferrobench::model {
+namespace {
+
+using recordings::Channel;
+using testing::HasSubstr;
+
+Model given() {
+  auto m = library_model("soft-pzt");
+  m.effects.clear();
+  return m;
+}
+
+// The bench as it is: every parameter a few percent off what is given.
+Model real_bench() {
+  auto m = given();
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  std::vector<std::pair<std::string, double>> moved;
+  for (const auto& path : parameter_paths(m)) {
+    const double value = get_parameter(m, path);
+    if ((path.starts_with("material.") || path.starts_with("polycrystal.")) && value != 0 &&
+        path != "material.temperature")
+      moved.emplace_back(path, value * std::exp(0.06 * normal(random)));
+  }
+  return with_parameters(m, moved);
+}
+
+struct Plan {
+  std::string name;
+  std::vector<std::pair<double, double>> corners;
+  double prestress;
+};
+
+const std::vector<Plan>& plans() {
+  static const std::vector<Plan> all{
+      {"slow", {{0, 0}, {4, 2e6}, {12, -2e6}, {20, 2e6}, {24, 0}}, 8e6},
+      {"fast", {{0, 0}, {.4, 2e6}, {1.2, -2e6}, {2, 2e6}, {2.4, 0}}, 8e6},
+      {"holds",
+       {{0, 0}, {1, 1.5e6}, {2.9, -.6e6}, {8, -.6e6}, {9.8, 1.5e6}, {12.3, -1e6}, {17, -1e6}, {20, 1.5e6}},
+       4e6},
+      {"pressed",
+       {{0, 0}, {1, 1.5e6}, {2.9, -.6e6}, {8, -.6e6}, {9.8, 1.5e6}, {12.3, -1e6}, {17, -1e6}, {20, 1.5e6}},
+       12e6},
+      {"minor", {{0, 0}, {1, 2e6}, {2, -.5e6}, {3, 1.5e6}, {4, -1e6}, {5, 2e6}, {6, 0}}, 8e6}};
+  return all;
+}
+
+recordings::Recording record(Model m, const Plan& plan, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  m.load.prestress = plan.prestress;
+  recordings::Recording r;
+  std::vector<double> command;
+  constexpr int rows = 900;
+  std::size_t leg = 0;
+  for (int i = 0; i <= rows; ++i) {
+    const double t = plan.corners.back().first * i / rows;
+    while (leg + 2 < plan.corners.size() && t > plan.corners[leg + 1].first) ++leg;
+    const auto [t0, e0] = plan.corners[leg];
+    const auto [t1, e1] = plan.corners[leg + 1];
+    r.time.push_back(t);
+    command.push_back(e0 + (e1 - e0) * (t - t0) / (t1 - t0));
+  }
+  const auto t = simulate(m, r.time, command, {.tolerance = 3e-5, .domains = 1500, .shift = 5});
+  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                       m.actuator.layer_count};
+  r.header.load = {m.load.spring_stiffness, m.load.prestress};
+  r.set(Channel::command) = command;
+  const auto put = [&](Channel channel, std::vector<double> values, double noise) {
+    for (double& v : values) v += noise * normal(random);
+    r.set(channel) = std::move(values);
+  };
+  put(Channel::field, t.field, 5e3);
+  put(Channel::charge, t.charge, 3e-6);
+  put(Channel::displacement, t.displacement, 5e-8);
+  put(Channel::force, t.force, 0.15);
+  return r;
+}
+
+std::vector<NamedRecording> measure(const Model& m) {
+  std::vector<NamedRecording> out;
+  std::uint64_t seed = 10;
+  for (const auto& plan : plans()) out.push_back({plan.name, record(m, plan, ++seed)});
+  return out;
+}
+
+TEST(Discrepancy, TheStory) {
+  auto bench = real_bench();
+  bench.effects.push_back({"electrostriction", {{"coefficient", 3e-17}}});
+  const auto recordings = measure(bench);
+
+  const auto found = discover(given(), recordings);
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  ASSERT_EQ(found.explanations.front().effects.size(), 1U);
+  const auto& effect = found.explanations.front().effects.front();
+  EXPECT_EQ(effect.id, "electrostriction");
+  EXPECT_NEAR(effect.parameters.front().value, 3e-17, 3e-18);
+  EXPECT_LT(effect.parameters.front().low, effect.parameters.front().value);
+  EXPECT_GT(effect.parameters.front().high, effect.parameters.front().value);
+  EXPECT_EQ(found.family, Family::strain);
+  ASSERT_FALSE(found.held_out.recordings.empty());
+  EXPECT_GT(found.held_out.before.at(Channel::displacement), 1.3);
+  EXPECT_LT(found.held_out.after.at(Channel::displacement), 1.1);
+
+  // What was found is a model like any other, and explains the bench.
+  const auto improved = model_from_json(to_json(found.improved));
+  const auto again = discover(improved, recordings);
+  EXPECT_EQ(again.verdict, Verdict::nothing_missing) << text_report(again);
+}
+
+TEST(Discrepancy, MovedParametersAreNoEffect) {
+  const auto found = discover(given(), measure(real_bench()));
+  EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
+  EXPECT_TRUE(found.explanations.empty());
+  // The recalibration found its way to the bench.
+  double before = 0, after = 0;
+  for (const auto& [path, r] : found.recalibrated) {
+    if (!path.starts_with("material.") && !path.starts_with("polycrystal.")) continue;
+    const double truth = get_parameter(real_bench(), path);
+    before += std::abs(std::log(r.from / truth));
+    after += std::abs(std::log(r.to / truth));
+    EXPECT_GT(r.std, 0) << path;
+  }
+  EXPECT_LT(after, 0.6 * before);
+  EXPECT_GT(found.smallest_detectable.size(), 20U);
+}
+
+TEST(Discrepancy, OneRecordingWithoutCommandAndForce) {
+  auto bench = real_bench();
+  bench.effects.push_back({"displacement_lag", {{"time_constant", 0.02}}});
+  auto one = measure(bench);
+  one.resize(2);
+  one.erase(one.begin());
+  auto& r = one.front().recording;
+  r.channels[static_cast<std::size_t>(Channel::command)].reset();
+  r.channels[static_cast<std::size_t>(Channel::force)].reset();
+  auto gaps = r.at(Channel::displacement);
+  for (std::size_t i = 100; i < 130; ++i) gaps[i] = NAN;
+  r.set(Channel::displacement) = gaps;
+  const auto found = discover(given(), one);
+  EXPECT_TRUE(found.held_out.recordings.empty());
+  EXPECT_NE(found.verdict, Verdict::nothing_missing) << text_report(found);
+  EXPECT_THAT(text_report(found), HasSubstr("too few recordings"));
+}
+
+std::string refusal(std::vector<NamedRecording> recordings, const DiscoverOptions& options = {}) {
+  try {
+    discover(given(), std::move(recordings), options);
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+std::vector<NamedRecording> scaled(Channel channel, double by) {
+  auto all = measure(given());
+  for (auto& [name, r] : all) {
+    auto values = r.at(channel);
+    for (double& v : values) v *= by;
+    r.set(channel) = values;
+  }
+  return all;
+}
+
+TEST(Discrepancy, ImpossibleDataAreRefusedByName) {
+  EXPECT_THAT(refusal({}), HasSubstr("no recording"));
+  EXPECT_THAT(refusal(scaled(Channel::displacement, -1)), HasSubstr("sign"));
+  EXPECT_THAT(refusal(scaled(Channel::displacement, 1e3)), HasSubstr("units"));
+  EXPECT_THAT(refusal(scaled(Channel::charge, 1e-3)), HasSubstr("units"));
+  EXPECT_THAT(refusal(measure(given()), {.held_out = {"no-such"}}), HasSubstr("no such recording"));
+  EXPECT_THAT(refusal(measure(given()), {.candidates = {"electrostricton"}}), HasSubstr("electrostriction"));
+  auto stuck = measure(given());
+  stuck[1].recording.time[40] = stuck[1].recording.time[39];
+  EXPECT_THAT(refusal(stuck), HasSubstr("fast"));
+}
+
+TEST(Discrepancy, StopsWhenAsked) {
+  int calls = 0;
+  EXPECT_THAT(refusal(measure(given()), {.progress = [&](const DiscoverProgress&) { return ++calls < 5; }}),
+              HasSubstr("stopped"));
+  EXPECT_EQ(calls, 5);
+}
+
+TEST(Whitening, MakesCorrelatedNoiseWhite) {
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  const discrepancy::NoiseModel noise{.white = 0.7, .slow = 1.1, .correlation_time = 0.05};
+  std::vector<double> times, values;
+  double slow = noise.slow * normal(random);
+  for (int i = 0; i < 20000; ++i) {
+    const double dt = i % 3 == 0 ? 0.004 : 0.01, a = std::exp(-dt / noise.correlation_time);
+    times.push_back(i == 0 ? 0 : times.back() + dt);
+    if (i > 0) slow = a * slow + noise.slow * std::sqrt(1 - a * a) * normal(random);
+    values.push_back(slow + noise.white * normal(random));
+  }
+  discrepancy::Whitening(noise, times).apply(values);
+  double square = 0, next = 0;
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    square += values[i] * values[i];
+    next += values[i] * values[i - 1];
+  }
+  EXPECT_NEAR(square / 20000, 1, 0.04);
+  EXPECT_NEAR(next / square, 0, 0.03);
+}
+
+}  // namespace
+}  // namespace ferrobench::model
