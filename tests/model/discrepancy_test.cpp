@@ -176,12 +176,15 @@ std::vector<NamedRecording> scaled(Channel channel, double by) {
 }
 
 TEST(Discrepancy, ImpossibleDataAreRefusedByName) {
+  DiscoverOptions options, misspelt;
+  options.held_out = {"no-such"};
+  misspelt.candidates = {"electrostricton"};
   EXPECT_THAT(refusal({}), HasSubstr("no recording"));
   EXPECT_THAT(refusal(scaled(Channel::displacement, -1)), HasSubstr("sign"));
   EXPECT_THAT(refusal(scaled(Channel::displacement, 1e3)), HasSubstr("units"));
   EXPECT_THAT(refusal(scaled(Channel::charge, 1e-3)), HasSubstr("units"));
-  EXPECT_THAT(refusal(measure(given()), {.held_out = {"no-such"}}), HasSubstr("no such recording"));
-  EXPECT_THAT(refusal(measure(given()), {.candidates = {"electrostricton"}}), HasSubstr("electrostriction"));
+  EXPECT_THAT(refusal(measure(given()), options), HasSubstr("no such recording"));
+  EXPECT_THAT(refusal(measure(given()), misspelt), HasSubstr("electrostriction"));
   auto stuck = measure(given());
   stuck[1].recording.time[40] = stuck[1].recording.time[39];
   EXPECT_THAT(refusal(stuck), HasSubstr("fast"));
@@ -189,8 +192,9 @@ TEST(Discrepancy, ImpossibleDataAreRefusedByName) {
 
 TEST(Discrepancy, StopsWhenAsked) {
   int calls = 0;
-  EXPECT_THAT(refusal(measure(given()), {.progress = [&](const DiscoverProgress&) { return ++calls < 5; }}),
-              HasSubstr("stopped"));
+  DiscoverOptions options;
+  options.progress = [&](const DiscoverProgress&) { return ++calls < 5; };
+  EXPECT_THAT(refusal(measure(given()), options), HasSubstr("stopped"));
   EXPECT_EQ(calls, 5);
 }
 
