@@ -8,7 +8,8 @@
 //     guard.outcome(); guard.segments();
 //
 // A guard serves one run. go_to, start and read belong to one thread. pause, resume, stop, progress and
-// outcome may be called from any. However this scope is left, the destructor leaves the output at zero.
+// outcome may be called from any. However this scope is left, the output is at zero
+// after. Once a run has ended there, its guard leaves the device alone, which may serve another one by then.
 #pragma once
 
 #include <functional>

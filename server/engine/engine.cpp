@@ -98,10 +98,11 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   const auto info = setup.device->info();
   setup.real_time = info.value("clock", "real") != "fast";
   setup.path = path.empty() ? store_.new_recording(setup.plan.protocol.name()).string() : path;
-  auto next = std::make_shared<Run>(std::move(setup), hub_);
+  // The run before lets go of its device first.
   if (run_) past_.push_front(run_->status());
   if (past_.size() > most_runs) past_.pop_back();
-  run_ = std::move(next);
+  run_.reset();
+  run_ = std::make_shared<Run>(std::move(setup), hub_);
   if (!request.idempotency_key.empty()) {
     if (idempotent_.size() >= most_runs) idempotent_.erase(idempotent_.begin());
     idempotent_[request.idempotency_key] = {asked, run_->id()};

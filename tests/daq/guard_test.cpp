@@ -66,6 +66,20 @@ TEST(Guard, ACompleteRunHasEveryRowOfTheProgramAndEndsAtZero) {
   run.expect_safe(outcome);
 }
 
+TEST(Guard, LeavesTheNextRunAlone) {
+  FaultyDevice device{Limits{}};
+  {
+    Guard before(device, {});
+    before.go_to(0, 1e6);
+    before.start(loop());
+    for (SampleBlock block; before.read(block);) {
+    }
+    EXPECT_TRUE(before.outcome().output_at_zero);
+    device.go_to(2e5, 1e6);  // as the next guard does
+  }
+  EXPECT_EQ(device.output(), 2e5);
+}
+
 TEST(Guard, AStopIsARampInTheRecording) {
   Session run;
   const auto outcome = run.go([&run](Guard& guard) {
