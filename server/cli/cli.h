@@ -62,7 +62,8 @@ class Interrupt {
   static int count();  // how often so far
 };
 
-// One line on a terminal, redrawn; elsewhere a line now and then, if it takes longer than a second. On stderr.
+// One line on a terminal, redrawn; elsewhere a line now and then, if it takes longer than a second. On
+// stderr.
 class ProgressLine {
  public:
   void show(const std::string& state, double progress, double seconds_left);
