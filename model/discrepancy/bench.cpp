@@ -15,6 +15,8 @@ namespace {
 using recordings::Channel;
 using recordings::Recording;
 
+constexpr std::size_t most_knots = 4000;  // of a drive
+
 [[noreturn]] void refuse(const std::string& name, const std::string& path, const std::string& message,
                          const std::string& hint = "") {
   throw Error(ErrorCode::bad_recording, "the recording " + name + " cannot be used",
@@ -32,6 +34,26 @@ void check_time(const std::string& name, const Recording& r) {
       refuse(name, "/entry/data/time", "does not rise at sample " + std::to_string(i));
 }
 
+// Chords of a bent program (a sine, a filtered ramp) that stay within about `slack` of it.
+std::vector<std::size_t> chords(const std::vector<double>& time, const std::vector<double>& field,
+                                double slack) {
+  std::vector<std::size_t> out{0};
+  double low = -std::numeric_limits<double>::infinity(), high = -low;
+  for (std::size_t i = 1; i < time.size(); ++i) {
+    const auto slope_to = [&](double level) {
+      return (level - field[out.back()]) / (time[i] - time[out.back()]);
+    };
+    low = std::max(low, slope_to(field[i] - slack));
+    high = std::min(high, slope_to(field[i] + slack));
+    if (low <= high) continue;
+    out.push_back(i - 1);
+    low = slope_to(field[i] - slack);
+    high = slope_to(field[i] + slack);
+  }
+  out.push_back(time.size() - 1);
+  return out;
+}
+
 // The drive as knots: the command at its corners, or the lines that its measured field runs along.
 void set_drive(BenchRecording& out, const Recording& r) {
   const double origin = r.time.front();
@@ -44,7 +66,11 @@ void set_drive(BenchRecording& out, const Recording& r) {
       field.push_back(command[i]);
     }
     if (time.size() < 2) refuse(out.name, path_of(Channel::command), "has fewer than two finite values");
-    for (const std::size_t knot : corners(time, field)) {
+    auto knots = corners(time, field);
+    const auto [low, high] = std::ranges::minmax(field);
+    for (double slack = 1e-5; knots.size() > most_knots && slack < 0.1; slack *= 2)
+      knots = chords(time, field, slack * (high - low));
+    for (const std::size_t knot : knots) {
       out.knot_time.push_back(time[knot]);
       out.knot_field.push_back(field[knot]);
     }

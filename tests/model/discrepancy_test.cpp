@@ -156,6 +156,38 @@ TEST(Discrepancy, OneRecordingWithoutCommandAndForce) {
   EXPECT_THAT(text_report(found), HasSubstr("too few recordings"));
 }
 
+TEST(Discrepancy, AMillionSamplesOfASineAreThinned) {
+  const auto m = real_bench();
+  std::vector<double> coarse_time, coarse;
+  for (int i = 0; i <= 2000; ++i) {
+    coarse_time.push_back(0.01 * i);
+    coarse.push_back(2e6 * std::sin(0.6 * coarse_time.back()));
+  }
+  const auto t = simulate(m, coarse_time, coarse, {.tolerance = 1e-4, .domains = 500, .shift = 5});
+  recordings::Recording r;
+  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                       m.actuator.layer_count};
+  r.header.load = {m.load.spring_stiffness, m.load.prestress};
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  constexpr std::size_t fine = 500;
+  for (std::size_t i = 0; i < 2000 * fine; ++i)
+    r.time.push_back(0.01 * static_cast<double>(i) / static_cast<double>(fine));
+  const auto refine = [&](Channel channel, const std::vector<double>& values, double noise) {
+    auto& out = r.set(channel);
+    for (std::size_t i = 0; i < r.time.size(); ++i) {
+      const std::size_t k = i / fine;
+      const double u = static_cast<double>(i % fine) / static_cast<double>(fine);
+      out.push_back(values[k] + u * (values[k + 1] - values[k]) + noise * normal(random));
+    }
+  };
+  refine(Channel::command, coarse, 0);
+  refine(Channel::displacement, t.displacement, 2e-7);
+  const auto found = discover(given(), {{"sine", r}});
+  EXPECT_THAT(text_report(found), HasSubstr("of 1000000 samples took part"));
+  EXPECT_LT(found.train.before.at(Channel::displacement), 1.3) << text_report(found);
+}
+
 std::string refusal(std::vector<NamedRecording> recordings, const DiscoverOptions& options = {}) {
   try {
     discover(given(), std::move(recordings), options);
