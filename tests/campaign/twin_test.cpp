@@ -67,6 +67,9 @@ struct Case {
   std::string id;
   model::Parameters parameters;
 };
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << c.id;
+}
 
 // Strengths that show, on a polycrystal with a spring.
 const std::vector<Case> cases{{"none", {}},
