@@ -1,5 +1,5 @@
-// From trials to a verdict with probabilities. The scales below were set on simulated benches
-// (tests/campaign), where stated probabilities were compared with how often they were right.
+// From trials to a verdict with probabilities. The scale on which evidence counts is an assumption; how often
+// stated probabilities come true is what tests/campaign measures.
 #pragma once
 
 #include "model/discrepancy/naming.h"
