@@ -61,24 +61,18 @@ Trajectory simulate(const Model& model, std::span<const double> time, std::span<
   const std::size_t n = time.size();
   Trajectory out;
   for (auto* column : {&out.field, &out.charge, &out.displacement, &out.force}) column->resize(n);
-  Simulator simulator(model, options);
-  simulator.start(field[0]);
-  const double origin = time[0];
-  std::vector<double> since(n);
-  for (std::size_t i = 0; i < n; ++i) since[i] = time[i] - origin;
-  std::size_t done = 0;
+  std::vector<double> since(n), knot_time, knot_field;
+  for (std::size_t i = 0; i < n; ++i) since[i] = time[i] - time[0];
   for (const std::size_t knot : corners(time, field)) {
-    const std::size_t count = knot + 1 - done;
-    const auto part = [&](std::vector<double>& column) { return std::span(column).subspan(done, count); };
-    ChannelSpans spans;
-    spans.field = part(out.field);
-    spans.charge = part(out.charge);
-    spans.displacement = part(out.displacement);
-    spans.force = part(out.force);
-    simulator.play(since[knot] - simulator.time(), field[knot], std::span(since).subspan(done, count), spans);
-    done = knot + 1;
+    knot_time.push_back(since[knot]);
+    knot_field.push_back(field[knot]);
   }
-  out.time_error = simulator.statistics().time_error;
+  ChannelSpans spans;
+  spans.field = out.field;
+  spans.charge = out.charge;
+  spans.displacement = out.displacement;
+  spans.force = out.force;
+  out.time_error = simulate_at(model, knot_time, knot_field, since, spans, options).time_error;
   if (estimate_quadrature) {
     auto other = options;
     other.shift = options.shift + 1;

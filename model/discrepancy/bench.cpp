@@ -250,7 +250,6 @@ void check_scale(const BenchRecording& r, const Model& model) {
     if (!(sxx > 0) || !(syy > 0)) continue;
     const double correlation = sxy / std::sqrt(sxx * syy), ratio = std::sqrt(syy / sxx);
     if (correlation * correlation < 0.25 || 3 * m.scatter > std::sqrt(syy / n)) continue;
-    const std::string what = "the model expects " + std::to_string(std::sqrt(sxx / n)) + " rms";
     if (correlation < 0)
       refuse(r.name, path_of(m.channel), "moves against the model: its sign is wrong",
              "turn the channel's sign; field along poling, extension and compressive force are positive");
@@ -353,7 +352,7 @@ std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings)
     shows[i].insert("decade " + std::to_string(std::lround(std::log10(r.duration()))));
   }
   const std::size_t take = std::max<std::size_t>(1, n / 4);
-  // Few enough to try all subsets where that is cheap; else one after the other.
+  // One after the other, each time the one that is missed least.
   const auto worth = [&](const std::vector<bool>& held) {
     std::map<std::string, int> trained, locked;
     for (std::size_t i = 0; i < n; ++i)

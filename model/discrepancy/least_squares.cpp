@@ -129,10 +129,6 @@ Eigen::VectorXd Projection::taken(const Eigen::VectorXd& r) const {
   return factor_.solve(fit_.jacobian.transpose() * r);
 }
 
-double Projection::inner(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
-  return a.dot(b) - (fit_.jacobian.transpose() * a).dot(taken(b));
-}
-
 Drop Projection::drop(const Eigen::VectorXd& r) const {
   const Eigen::VectorXd shared = fit_.jacobian.transpose() * r;
   const Eigen::VectorXd solved = factor_.solve(shared);

@@ -36,7 +36,6 @@ void refresh(const Misfit& misfit, Fit& fit);
 struct Drop {
   double along = 0;   // -(r . e) without what the coordinates take up
   double across = 0;  // (r . r) likewise
-  double best() const { return across > 0 ? along * along / across : 0; }
   double at(double a) const { return 2 * a * along - a * a * across; }
 };
 class Projection {
@@ -45,7 +44,6 @@ class Projection {
   Drop drop(const Eigen::VectorXd& r) const;
   // r without what the coordinates take up, as the coefficients that they would take.
   Eigen::VectorXd taken(const Eigen::VectorXd& r) const;
-  double inner(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
 
  private:
   const Fit& fit_;

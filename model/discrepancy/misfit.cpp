@@ -69,7 +69,6 @@ Misfit::Misfit(const std::vector<BenchRecording>& bench, const std::vector<std::
 }
 
 std::vector<std::vector<double>> Misfit::channels(const Setting& setting, std::size_t recording) const {
-  auto r = bench_[recording].header;
   BenchRecording moved;
   const BenchRecording* at = &bench_[recording];
   if (setting.spring_factor != 1 || setting.prestress_factor != 1) {

@@ -35,40 +35,6 @@ Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screen
   return out;
 }
 
-// Each recording left out in turn: the coordinates without it, one Gauss-Newton step away.
-std::vector<double> left_out_squares(const Misfit& misfit, const Fit& fit) {
-  const Eigen::MatrixXd all = fit.normal();
-  const Eigen::VectorXd gradient = fit.gradient();
-  std::vector<double> out;
-  std::set<std::size_t> recordings;
-  for (const auto& b : misfit.blocks()) recordings.insert(b.recording);
-  for (const std::size_t r : recordings) {
-    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(all.rows(), all.cols());
-    Eigen::VectorXd pull = Eigen::VectorXd::Zero(all.rows());
-    double squares = 0;
-    for (const auto& b : misfit.blocks()) {
-      if (b.recording != r) continue;
-      const auto j = fit.jacobian.middleRows(b.begin, b.count);
-      const auto e = fit.residual.segment(b.begin, b.count);
-      own += j.transpose() * j;
-      pull += j.transpose() * e;
-      squares += e.squaredNorm();
-    }
-    Eigen::MatrixXd rest = all - own;
-    rest.diagonal().array() += 1e-6 * all.diagonal().array();
-    const Eigen::VectorXd step = -rest.ldlt().solve(gradient - pull);
-    out.push_back(squares + 2 * pull.dot(step) + step.dot(own * step));
-  }
-  return out;
-}
-
-double cross_gain(const Misfit& misfit, const Fit& base, const Fit& fit) {
-  const auto before = left_out_squares(misfit, base), after = left_out_squares(misfit, fit);
-  double gain = 0;
-  for (std::size_t i = 0; i < before.size(); ++i) gain += before[i] - after[i];
-  return gain;
-}
-
 }  // namespace
 
 double allowed_left(const NamingOptions& options, double drop) {
@@ -99,16 +65,8 @@ Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& op
                   tick("is it enough", from + (to - from) * f);
                 }});
     t.checked = true;
-    if (!more.empty()) {
-      t.left = more.front().drop;
-      t.left_name = more.front().effect->id;
-    }
-    const auto plain = explained_by_signals(misfit, t.fit);
-    if (plain.beyond_chance > t.left) {
-      t.left = plain.beyond_chance;
-      t.left_name = family_name(plain.family);
-    }
-    t.cross = cross_gain(misfit, base, t.fit);
+    if (!more.empty()) t.left = more.front().drop;
+    t.left = std::max(t.left, explained_by_signals(misfit, t.fit).beyond_chance);
     return more;
   };
 

@@ -11,12 +11,10 @@ namespace ferrobench::model::discrepancy {
 struct Trial {
   std::vector<const Effect*> effects;
   Fit fit;
-  double drop = 0;   // of the sum of squares against the base model's fit
-  double cross = 0;  // the same on each recording left out in turn, predicted from the others
+  double drop = 0;  // of the sum of squares against the base model's fit
   // What is left: the largest drop that one more effect, or functions of the signals, would bring.
   bool checked = false;
   double left = 0;
-  std::string left_name;
 };
 
 struct NamingOptions {

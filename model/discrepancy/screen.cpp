@@ -16,18 +16,18 @@ constexpr double plausible_response = 25;
 // Frequencies at which the displacement's residual has its strongest tones, phase zero at each start.
 std::vector<double> tones(const Misfit& misfit, const Fit& fit, const EffectParameter& range,
                           std::size_t count) {
-  std::vector<const Block*> blocks;
+  // In the longest recording, which resolves them best; the screen weighs them in all.
+  const Block* longest_block = nullptr;
   double longest = 0;
   for (const auto& b : misfit.blocks()) {
     const auto& r = misfit.bench()[b.recording];
     if (r.channels[b.channel].channel != Channel::displacement || b.count < 32) continue;
-    blocks.push_back(&b);
-    longest = std::max(longest, r.duration());
+    if (r.duration() <= longest) continue;
+    longest = r.duration();
+    longest_block = &b;
   }
-  if (blocks.empty()) return {};
-  std::ranges::sort(blocks, {}, [&](const Block* b) { return -misfit.bench()[b->recording].duration(); });
-  // The tone is sought in one recording, with its own resolution, and weighed in all.
-  const Block& first = *blocks.front();
+  if (longest_block == nullptr) return {};
+  const Block& first = *longest_block;
   const auto& times = misfit.bench()[first.recording].time;
   const double step = 0.3 / longest;
   const auto bins = static_cast<std::size_t>(std::min(400000.0, (range.high - range.low) / step));

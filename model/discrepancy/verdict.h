@@ -18,7 +18,7 @@ struct Judgement {
 Judgement judge(const Naming& naming, const NamingOptions& options, double samples);
 
 // By how much standard deviations grow for what noise does not explain, and for the simulations' own error
-// (`numerical`, over the noise), which weighs on a number like a share of the rows that counts all of them.
+// (`numerical`, over the noise), spread evenly over the numbers that were fitted.
 double widening(const Fit& fit, double numerical);
 
 // 90 % intervals of the parameters of a trial's effects.
