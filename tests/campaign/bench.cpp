@@ -113,6 +113,20 @@ std::span<const std::pair<Kind, std::string_view>> enum_names(Kind) {
   return kinds;
 }
 
+std::string_view kind_name(Kind kind) {
+  return std::ranges::find(kinds, kind, [](const auto& k) { return k.first; })->second;
+}
+
+Kind kind_named(std::string_view name) {
+  std::string all;
+  for (const auto& [kind, text] : kinds) {
+    if (text == name) return kind;
+    all += (all.empty() ? "" : ", ") + std::string(text);
+  }
+  throw Error(ErrorCode::invalid_params,
+              "there is no kind \"" + std::string(name) + "\" of bench, only " + all);
+}
+
 Kind kind_of(int index) {
   using enum Kind;
   static constexpr std::array<Kind, 25> cycle{

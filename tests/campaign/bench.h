@@ -16,6 +16,8 @@ namespace ferrobench::campaign {
 
 enum class Kind { single, pair, nothing, moved, outside, withheld, coloured };
 std::span<const std::pair<Kind, std::string_view>> enum_names(Kind);
+std::string_view kind_name(Kind kind);
+Kind kind_named(std::string_view name);  // Error(invalid_params) with those that there are
 
 struct Bench {
   std::uint64_t seed = 0;
@@ -44,5 +46,7 @@ Kind kind_of(int index);
 nlohmann::json truth_of(const Bench& bench);
 // model.json, truth.json and a recording each in `folder`, which is made.
 void write_bench(const Bench& bench, const std::string& folder);
+// What write_bench() wrote.
+Bench read_bench(const std::string& folder);
 
 }  // namespace ferrobench::campaign

@@ -13,6 +13,12 @@ void write_text(const std::filesystem::path& path, const nlohmann::json& json) {
   if (!out) throw Error(ErrorCode::io_error, "cannot write " + path.string());
 }
 
+nlohmann::json read_json(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  if (!in) throw Error(ErrorCode::io_error, "cannot read " + path.string());
+  return nlohmann::json::parse(in);
+}
+
 nlohmann::json by_channel(const std::map<recordings::Channel, double>& values) {
   nlohmann::json out = nlohmann::json::object();
   for (const auto& [channel, value] : values) out[std::string(channel_name(channel))] = value;
@@ -34,9 +40,12 @@ nlohmann::json truth_of(const Bench& b) {
   std::string kind;
   for (const auto& [k, name] : enum_names(Kind{}))
     if (k == b.kind) kind = name;
+  nlohmann::json names = nlohmann::json::array();
+  for (const auto& r : b.recordings) names.push_back(r.name);
   return {{"seed", b.seed},
+          {"recordings", names},
           {"index", b.index},
-          {"kind", kind},
+          {"kind", kind_name(b.kind)},
           {"coloured", b.coloured},
           {"effects", effects},
           {"candidates", b.candidates},
@@ -53,6 +62,28 @@ void write_bench(const Bench& b, const std::string& folder) {
   write_text(path / "truth.json", truth_of(b));
   for (const auto& r : b.recordings)
     recordings::write_recording((path / (r.name + ".h5")).string(), r.recording);
+}
+
+Bench read_bench(const std::string& folder) {
+  const std::filesystem::path path(folder);
+  const auto truth = read_json(path / "truth.json");
+  Bench b;
+  b.seed = truth.at("seed");
+  b.index = truth.at("index");
+  b.kind = kind_named(truth.at("kind").get<std::string>());
+  b.coloured = truth.at("coloured");
+  b.handed = model::model_from_file((path / "model.json").string());
+  b.candidates = truth.at("candidates").get<std::vector<std::string>>();
+  for (const auto& e : truth.at("effects")) {
+    model::EffectSetting setting{.id = e.at("id"), .parameters = {}};
+    for (const auto& [name, value] : e.at("parameters").items()) setting.parameters.emplace_back(name, value);
+    b.effects.push_back(std::move(setting));
+    b.sizes.push_back(e.at("size"));
+    b.families.push_back(e.at("family"));
+  }
+  for (const std::string name : truth.at("recordings"))
+    b.recordings.push_back({name, recordings::read_recording((path / (name + ".h5")).string())});
+  return b;
 }
 
 }  // namespace ferrobench::campaign

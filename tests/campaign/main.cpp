@@ -1,11 +1,16 @@
 // ferrobench_campaign: simulated benches, the workflow run on each, and what came out.
+#include <atomic>
 #include <charconv>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <exception>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <mutex>
 #include <optional>
+#include <thread>
 
 #include "tests/campaign/table.h"
 
@@ -13,17 +18,21 @@ namespace ferrobench::campaign {
 namespace {
 
 constexpr std::string_view usage =
-    "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--threads T] [--write FOLDER] "
-    "[--json OUT]\n"
+    "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--jobs J] [--json OUT] [--write "
+    "FOLDER | "
+    "--read FOLDER]\n"
     "  --kind   single | pair | nothing | moved | outside | withheld | coloured; without it a mixture\n"
     "  --first  index of the first bench\n"
-    "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n";
+    "  --jobs   benches at a time, which share the cores (1)\n"
+    "  --json   the answers; those that OUT holds already are kept and not asked for again\n"
+    "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n"
+    "  --read   take the benches from there\n";
 
 struct Arguments {
-  int benches = 25, first = 0, threads = 0;
+  int benches = 25, first = 0, jobs = 1;
   std::uint64_t seed = 1;
   std::optional<Kind> kind;
-  std::string write, json;
+  std::string write, read, json;
 };
 
 Error bad(const std::string& name, const std::string& given, const std::string& wanted) {
@@ -52,16 +61,16 @@ Arguments parse(std::span<char*> words) {
       a.first = number<int>(name, value);
     } else if (name == "--seed") {
       a.seed = number<std::uint64_t>(name, value);
-    } else if (name == "--threads") {
-      a.threads = number<int>(name, value);
+    } else if (name == "--jobs") {
+      a.jobs = std::max(1, number<int>(name, value));
     } else if (name == "--write") {
       a.write = value;
+    } else if (name == "--read") {
+      a.read = value;
     } else if (name == "--json") {
       a.json = value;
     } else if (name == "--kind") {
-      for (const auto& [kind, text] : enum_names(Kind{}))
-        if (text == value) a.kind = kind;
-      if (!a.kind) throw bad(name, value, "one of those below\n" + std::string(usage));
+      a.kind = kind_named(value);
     } else {
       throw Error(ErrorCode::invalid_params, name + " is not known\n" + std::string(usage));
     }
@@ -69,13 +78,18 @@ Arguments parse(std::span<char*> words) {
   return a;
 }
 
+std::string folder_of(const std::string& parent, int index) {
+  char name[32];
+  std::snprintf(name, sizeof name, "/bench-%03d", index);
+  return parent + name;
+}
+
 void write_all(const Arguments& a) {
   for (int i = a.first; i < a.first + a.benches; ++i) {
     const auto begin = std::chrono::steady_clock::now();
     const auto bench = make_bench(a.seed, i, a.kind.value_or(kind_of(i)));
-    char name[32];
-    std::snprintf(name, sizeof name, "/bench-%03d", i);
-    write_bench(bench, a.write + name);
+    const auto folder = folder_of(a.write, i);
+    write_bench(bench, folder);
     const auto truth = truth_of(bench);
     std::size_t samples = 0;
     for (const auto& r : bench.recordings) samples += r.recording.size();
@@ -83,7 +97,7 @@ void write_all(const Arguments& a) {
     for (const auto& e : truth["effects"])
       effects += " " + e["id"].get<std::string>() + " " + e["parameters"].dump() + " size " +
                  std::to_string(e["size"].get<double>());
-    std::cout << name + 1 << ' ' << truth["kind"].get<std::string>() << effects << ", " << samples
+    std::cout << folder << ' ' << truth["kind"].get<std::string>() << effects << ", " << samples
               << " samples, "
               << std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() << " s\n"
               << std::flush;
@@ -92,31 +106,75 @@ void write_all(const Arguments& a) {
 
 volatile std::sig_atomic_t interrupted = 0;
 
+Outcome answer(const Bench& bench, int threads) {
+  model::DiscoverOptions options;
+  options.candidates = bench.candidates;
+  options.seed = bench.seed;
+  options.threads = threads;
+  options.progress = [](const model::DiscoverProgress&) { return interrupted == 0; };
+  try {
+    return score(bench, model::discover(bench.handed, bench.recordings, options));
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::cancelled) throw;
+    return score_error(bench, error.what());
+  }
+}
+
+std::map<int, Outcome> answered(const Arguments& a) {
+  std::map<int, Outcome> out;
+  std::ifstream file(a.json);
+  if (a.json.empty() || !file) return out;
+  const auto json = nlohmann::json::parse(file);
+  if (json.at("seed") != a.seed) throw bad("--json", a.json, "a file of the same seed, or a new one");
+  for (const auto& o : json.at("benches")) out.emplace(o.at("index"), outcome_from_json(o));
+  return out;
+}
+
 // Until done, or until Ctrl-C: then with what there is so far.
 void run_all(const Arguments& a) {
   std::signal(SIGINT, [](int) { interrupted = 1; });
-  std::vector<Outcome> outcomes;
-  for (int i = a.first; i < a.first + a.benches && interrupted == 0; ++i) {
-    const auto bench = make_bench(a.seed, i, a.kind.value_or(kind_of(i)));
-    model::DiscoverOptions options;
-    options.candidates = bench.candidates;
-    options.seed = a.seed;
-    options.threads = a.threads;
-    options.progress = [](const model::DiscoverProgress&) { return interrupted == 0; };
-    try {
-      outcomes.push_back(score(bench, model::discover(bench.handed, bench.recordings, options)));
-    } catch (const Error& error) {
-      if (error.code() == ErrorCode::cancelled) break;
-      outcomes.push_back(score_error(bench, error.what()));
+  auto outcomes = answered(a);
+  const auto all = [&] {
+    std::vector<Outcome> out;
+    for (const auto& [index, outcome] : outcomes) out.push_back(outcome);
+    return out;
+  };
+  std::mutex mutex;
+  std::atomic<int> next = a.first;
+  std::exception_ptr failure;
+  const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / a.jobs);
+  const auto work = [&] {
+    for (int i = next++; i < a.first + a.benches && interrupted == 0; i = next++) {
+      {
+        const std::scoped_lock lock(mutex);
+        if (outcomes.contains(i)) continue;
+      }
+      try {
+        const auto outcome = answer(a.read.empty() ? make_bench(a.seed, i, a.kind.value_or(kind_of(i)))
+                                                   : read_bench(folder_of(a.read, i)),
+                                    threads);
+        const std::scoped_lock lock(mutex);
+        outcomes.emplace(i, outcome);
+        std::cout << line_of(outcome) << std::endl;
+        if (a.json.empty()) continue;
+        auto json = json_of(all());
+        json["seed"] = a.seed;
+        std::ofstream(a.json + ".new") << json.dump(1) << '\n';
+        std::filesystem::rename(a.json + ".new", a.json);
+      } catch (...) {
+        const std::scoped_lock lock(mutex);
+        if (interrupted == 0) failure = std::current_exception();
+        interrupted = 1;
+      }
     }
-    std::cout << line_of(outcomes.back()) << std::endl;
-    if (!a.json.empty()) {
-      auto json = json_of(outcomes);
-      json["seed"] = a.seed;
-      std::ofstream(a.json) << json.dump(1) << '\n';
-    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (int job = 1; job < a.jobs; ++job) others.emplace_back(work);
+    work();
   }
-  std::cout << text_of(outcomes);
+  if (failure) std::rethrow_exception(failure);
+  std::cout << text_of(all());
 }
 
 }  // namespace

@@ -7,13 +7,17 @@
 namespace ferrobench::campaign {
 namespace {
 
+bool in_catalogue(Kind kind) {
+  return kind != Kind::outside && kind != Kind::withheld;
+}
+
 Outcome start(const Bench& b) {
   Outcome o;
   o.index = b.index;
   o.kind = b.kind;
   o.coloured = b.coloured;
   for (const auto& e : b.effects) o.truth.insert(e.id);
-  o.in_catalogue = b.kind != Kind::outside && b.kind != Kind::withheld;
+  o.in_catalogue = in_catalogue(b.kind);
   for (const double size : b.sizes) o.size = std::max(o.size, size);
   return o;
 }
@@ -50,12 +54,6 @@ std::string joined(const std::set<std::string>& names) {
   std::string out;
   for (const auto& name : names) out += (out.empty() ? "" : "+") + name;
   return out.empty() ? "-" : out;
-}
-
-std::string_view kind_name(Kind kind) {
-  for (const auto& [k, name] : enum_names(Kind{}))
-    if (k == kind) return name;
-  return "";
 }
 
 }  // namespace
@@ -141,12 +139,35 @@ nlohmann::json to_json(const Outcome& o) {
           {"error", o.error},
           {"named", o.named},
           {"family", o.family ? nlohmann::json(*o.family) : nlohmann::json()},
+          {"family_right", o.family_right},
           {"probability", o.probability},
           {"right", o.right()},
           {"right_up_to_class", o.right() || o.class_right},
           {"parameter_errors", o.parameter_errors},
           {"held_out", {{"before", o.before}, {"after", o.after}}},
           {"seconds", o.seconds}};
+}
+
+Outcome outcome_from_json(const nlohmann::json& json) {
+  Outcome o;
+  json.at("index").get_to(o.index);
+  o.kind = kind_named(json.at("kind").get<std::string>());
+  json.at("coloured").get_to(o.coloured);
+  json.at("truth").get_to(o.truth);
+  o.in_catalogue = in_catalogue(o.kind);
+  json.at("size").get_to(o.size);
+  json.at("verdict").get_to(o.verdict);
+  json.at("error").get_to(o.error);
+  json.at("named").get_to(o.named);
+  if (json.at("family").is_string()) o.family = json.at("family").get<std::string>();
+  json.at("family_right").get_to(o.family_right);
+  o.class_right = json.at("right_up_to_class").get<bool>() && !o.right();
+  json.at("probability").get_to(o.probability);
+  json.at("parameter_errors").get_to(o.parameter_errors);
+  json.at("held_out").at("before").get_to(o.before);
+  json.at("held_out").at("after").get_to(o.after);
+  json.at("seconds").get_to(o.seconds);
+  return o;
 }
 
 }  // namespace ferrobench::campaign

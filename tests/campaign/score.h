@@ -38,5 +38,6 @@ Outcome score(const Bench& bench, const model::Discovery& discovery);
 Outcome score_error(const Bench& bench, const std::string& what);
 std::string line_of(const Outcome& outcome);
 nlohmann::json to_json(const Outcome& outcome);
+Outcome outcome_from_json(const nlohmann::json& json);
 
 }  // namespace ferrobench::campaign
