@@ -363,6 +363,10 @@ struct Simulator::State {
       const bool last = h > 0.8 * remaining;
       if (last && h < remaining) h = h > remaining / 1.2 ? remaining : remaining / 2;
       if (h >= remaining) h = remaining;
+      if (options.most_steps > 0 && statistics.tried >= options.most_steps)
+        throw Error(ErrorCode::numerical, "the model wants more than " + std::to_string(options.most_steps) +
+                                              " steps by t = " + std::to_string(material.time) + " s");
+      ++statistics.tried;
       Trial trial;
       trial.h = h;
       trial.monitor = h == remaining ? piece.to : piece.from + slew * (done + h);

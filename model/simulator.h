@@ -18,6 +18,7 @@ struct SimulationOptions {
   int domains = 0;
   std::uint64_t shift =
       0;  // which of the lattice's shifts; two of them compared estimate the quadrature error
+  std::uint64_t most_steps = 0;  // after so many, rejected ones too, Error(numerical); 0: no bound
 };
 
 // The channels at a list of times; each span either empty (not wanted) or as long as the times.
@@ -34,6 +35,7 @@ struct ChannelSpans {
 
 struct SimulationStatistics {
   std::uint64_t steps = 0;
+  std::uint64_t tried = 0;         // steps, with those that were rejected
   std::uint64_t domain_steps = 0;  // single domains advanced by one step
   // Estimate of the error of stepping in time, share of the switching range, rms over the steps so far. Of
   // 220 random models and programs at a tolerance of 1e-4 the true one was 0.25 to 5.5 times this, 3.7e-4 at

@@ -313,7 +313,8 @@ std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedR
 }
 
 std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& r,
-                                                const SimulationOptions& options) {
+                                                const SimulationOptions& options,
+                                                SimulationStatistics* statistics) {
   std::vector<std::vector<double>> out;
   ChannelSpans spans;
   for (const auto& m : r.channels) {
@@ -332,7 +333,9 @@ std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchR
         spans.field = column;
     }
   }
-  simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans, options);
+  const auto took =
+      simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans, options);
+  if (statistics != nullptr) *statistics = took;
   return out;
 }
 

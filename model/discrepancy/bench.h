@@ -55,9 +55,10 @@ std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedR
                                     std::size_t rows, std::vector<std::string>& warnings);
 
 // The model as it stands for one recording, and what it says at the recording's rows, in the order of its
-// channels. Throws Error(numerical) if the model cannot be solved.
+// channels. Throws Error(numerical) if the model cannot be solved. `statistics`: what it took, if wanted.
 std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& recording,
-                                                const SimulationOptions& options);
+                                                const SimulationOptions& options,
+                                                SimulationStatistics* statistics = nullptr);
 
 // Which recordings to lock away for the proof: about a quarter of them (none of fewer than three), so that
 // every kind of stretch, and every load, stays on both sides as far as that goes.

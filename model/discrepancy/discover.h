@@ -18,6 +18,7 @@
 #include "model/effects/catalogue.h"
 #include "model/model.h"
 #include "recordings/recording.h"
+#include "recordings/tables/published.h"
 
 namespace ferrobench::model {
 
@@ -96,6 +97,14 @@ struct Health {
   std::vector<std::string> warnings;
 };
 
+// A cell of a published table, with what the model gives for it before and after.
+struct CellGap {
+  std::string table;
+  recordings::PublishedCell published;
+  double before = 0, after = 0;  // in the published quantity's unit
+  bool held_out = false;
+};
+
 struct Discovery {
   Verdict verdict = Verdict::nothing_missing;
   std::vector<Explanation> explanations;  // best first; "unknown" and "nothing" take the rest of 1
@@ -112,6 +121,7 @@ struct Discovery {
   Model improved;
   std::vector<std::string> sentences;  // the report's text, one finding each
   std::vector<Trace> traces;
+  std::vector<CellGap> cells;  // if published tables were the bench
   Health health;
 };
 
@@ -134,6 +144,12 @@ struct DiscoverOptions {
 // names of held-out recordings or candidates.
 Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
                    const DiscoverOptions& options = {});
+
+// The same with published tables (recordings/tables) for a bench: "recordings" are the runs behind them, by
+// the first key of their cells ("8 MPa", "50 V/s"); of three or more the middle one is locked away unless
+// said otherwise. Residuals are logarithms of cells over how well these are known (table_misfit.h).
+Discovery discover_in_tables(const Model& base, const std::vector<std::string>& tables,
+                             const DiscoverOptions& options = {});
 
 nlohmann::json to_json(const Discovery& discovery);
 

@@ -54,7 +54,7 @@ std::optional<BenchRecording> planned(const std::string& protocol, const BenchRe
 
 }  // namespace
 
-std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
+std::optional<NextExperiment> choose_experiment(const RecordingMisfit& misfit,
                                                 const std::vector<std::vector<NoiseModel>>& noise,
                                                 const Fit& a, const Fit& b, double scale) {
   double low = 0, high = 0;
@@ -72,7 +72,7 @@ std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
     if (!plan) continue;
     std::vector<BenchRecording> bench{*plan};
     const std::vector<std::vector<NoiseModel>> its_noise{noise[like]};
-    const Misfit of_plan(bench, its_noise, {0}, misfit.simulation(), misfit.threads());
+    const RecordingMisfit of_plan(bench, its_noise, {0}, misfit.simulation(), misfit.threads());
     // What A gives; offsets are free anyway.
     const auto expected = of_plan.simulated(a.hypothesis, a.z, 0);
     for (std::size_t c = 0; c < bench[0].channels.size(); ++c) {
@@ -81,9 +81,12 @@ std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
       const auto [least, largest] = std::ranges::minmax(m.value);
       m.range = std::max(m.range, largest - least);
     }
-    const Misfit seen(bench, its_noise, {0}, misfit.simulation(), misfit.threads());
-    Fit f{
-        .hypothesis = b.hypothesis, .z = b.z, .residual = seen.residuals(b.hypothesis, b.z), .jacobian = {}};
+    const RecordingMisfit seen(bench, its_noise, {0}, misfit.simulation(), misfit.threads());
+    Fit f{.hypothesis = b.hypothesis,
+          .z = b.z,
+          .residual = seen.residuals(b.hypothesis, b.z),
+          .correction = {},
+          .jacobian = {}};
     refresh(seen, f);
     const Eigen::VectorXd pull = f.jacobian.transpose() * f.residual;
     const Eigen::MatrixXd information = known + f.jacobian.transpose() * f.jacobian;

@@ -14,7 +14,7 @@ namespace ferrobench::model::discrepancy {
 
 // The best one; none if no protocol of the library is expected to decide (odds below 3). Fields beyond those
 // of the recordings are left out.
-std::optional<NextExperiment> choose_experiment(const Misfit& misfit,
+std::optional<NextExperiment> choose_experiment(const RecordingMisfit& misfit,
                                                 const std::vector<std::vector<NoiseModel>>& noise,
                                                 const Fit& a, const Fit& b, double scale);
 

@@ -57,6 +57,17 @@ nlohmann::json to_json(const Discovery& d) {
   out["next_experiment"] = d.next_experiment ? json{{"protocol", d.next_experiment->protocol},
                                                     {"expected_odds", d.next_experiment->expected_odds}}
                                              : json(nullptr);
+  if (!d.cells.empty()) out["cells"] = json::array();
+  for (const auto& c : d.cells) {
+    json cell{{"table", c.table},
+              {"quantity", c.published.quantity},
+              {"published", c.published.published},
+              {"before", c.before},
+              {"after", c.after},
+              {"held_out", c.held_out}};
+    for (const auto& [name, value] : c.published.keys) cell[name] = value;
+    out["cells"].push_back(std::move(cell));
+  }
   out["model"] = to_json(d.improved);
   out["findings"] = d.sentences;
   const auto& h = d.health;

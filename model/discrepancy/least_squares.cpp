@@ -38,7 +38,7 @@ void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from) {
   const auto moved = misfit.residuals(places);
   fit.jacobian.conservativeResize(misfit.size(), n);
   for (Eigen::Index i = from; i < n; ++i)
-    fit.jacobian.col(i) = (moved[static_cast<std::size_t>(i - from)] - fit.residual) /
+    fit.jacobian.col(i) = (fit.corrected(moved[static_cast<std::size_t>(i - from)]) - fit.residual) /
                           steps[static_cast<std::size_t>(i - from)];
 }
 
@@ -60,20 +60,36 @@ Eigen::VectorXd Fit::gradient() const {
   return b;
 }
 
+Eigen::VectorXd Fit::corrected(Eigen::VectorXd simulated) const {
+  if (correction.size() > 0) simulated += correction;
+  return simulated;
+}
+
+void correct(const Misfit& misfit, const Misfit& fine, Fit& fit) {
+  auto exact = fine.residuals(fit.hypothesis, fit.z);
+  fit.correction = exact - misfit.residuals(fit.hypothesis, fit.z);
+  fit.residual = std::move(exact);
+  fit.squares = fit.residual.squaredNorm() + priors(fit.hypothesis, fit.z);
+}
+
 void refresh(const Misfit& misfit, Fit& fit) {
   make_columns(misfit, fit, 0);
   fit.fresh = true;
 }
 
 Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, const FitLimits& limits,
-        const Eigen::MatrixXd* jacobian) {
-  Fit out{.hypothesis = hypothesis, .z = within(hypothesis, z), .residual = {}, .jacobian = {}};
-  out.residual = misfit.residuals(hypothesis, out.z);
+        const Fit* like) {
+  Fit out{.hypothesis = hypothesis,
+          .z = within(hypothesis, z),
+          .residual = {},
+          .correction = like != nullptr ? like->correction : Eigen::VectorXd(),
+          .jacobian = {}};
+  out.residual = out.corrected(misfit.residuals(hypothesis, out.z));
   out.squares = out.residual.squaredNorm() + priors(hypothesis, out.z);
   int refreshes = 0;
-  if (jacobian != nullptr) {
-    out.jacobian = *jacobian;
-    make_columns(misfit, out, jacobian->cols());
+  if (like != nullptr) {
+    out.jacobian = like->jacobian;
+    make_columns(misfit, out, like->jacobian.cols());
   } else {
     refresh(misfit, out);
     ++refreshes;
@@ -91,7 +107,7 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
     const Eigen::VectorXd next = within(hypothesis, out.z + step);
     step = next - out.z;
     const double promised = -(2 * gradient.dot(step) + step.dot(normal * step));
-    auto residual = misfit.residuals(hypothesis, next);
+    auto residual = out.corrected(misfit.residuals(hypothesis, next));
     const double squares = residual.squaredNorm() + priors(hypothesis, next);
     const double gain = out.squares - squares;
     if (const double length = step.squaredNorm(); length > 1e-12) {

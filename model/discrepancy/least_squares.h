@@ -9,13 +9,16 @@ namespace ferrobench::model::discrepancy {
 struct Fit {
   Hypothesis hypothesis;
   Eigen::VectorXd z;
-  Eigen::VectorXd residual;  // whitened, at z
+  Eigen::VectorXd residual;  // whitened, at z, correction included
+  // What a finer simulation gives less what the misfit's gives, near z: added to every residual. Empty: none.
+  Eigen::VectorXd correction;
   Eigen::MatrixXd jacobian;  // of the residual, at or near z
   double squares = 0;        // of residual and priors: -2 ln posterior
   bool fresh = false;        // the jacobian was made at z
 
   Eigen::MatrixXd normal() const;  // J^T J and the priors' precision
   Eigen::VectorXd gradient() const;
+  Eigen::VectorXd corrected(Eigen::VectorXd simulated) const;
 };
 
 struct FitLimits {
@@ -25,9 +28,11 @@ struct FitLimits {
   std::function<void()> tick;  // called after each simulation round; may throw
 };
 
-// From z. `jacobian`: of the first columns, where they are known already.
+// From z. `like`: a fit whose correction is used and whose Jacobian is known to hold for the first columns.
 Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, const FitLimits& limits,
-        const Eigen::MatrixXd* jacobian = nullptr);
+        const Fit* like = nullptr);
+// Makes the correction anew at the fit's z.
+void correct(const Misfit& misfit, const Misfit& fine, Fit& fit);
 // Makes the Jacobian anew at the fit's z.
 void refresh(const Misfit& misfit, Fit& fit);
 

@@ -9,7 +9,8 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr double believed_offset = 0.03;  // of the range
-constexpr double unsolvable = 1e6;
+// An effect that makes the model stiffer than this is not the one that is looked for.
+constexpr std::uint64_t dearer_at_most = 25, few_steps = 20000;
 
 }  // namespace
 
@@ -37,9 +38,37 @@ void in_parallel(std::size_t count, int threads, const std::function<void(std::s
   if (failure) std::rethrow_exception(failure);
 }
 
-Misfit::Misfit(const std::vector<BenchRecording>& bench, const std::vector<std::vector<NoiseModel>>& noise,
-               std::vector<std::size_t> chosen, SimulationOptions simulation, int threads)
-    : bench_(bench), noise_(noise), chosen_(std::move(chosen)), simulation_(simulation), threads_(threads) {
+std::vector<Eigen::VectorXd> Misfit::residuals(
+    const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const {
+  std::vector<Eigen::VectorXd> out(places.size(), Eigen::VectorXd(size_));
+  std::vector<std::optional<Setting>> settings(places.size());
+  for (std::size_t p = 0; p < places.size(); ++p) {
+    try {
+      settings[p] = setting_at(*places[p].first, places[p].second);
+    } catch (const Error&) {
+      out[p].setConstant(unsolvable);
+    }
+  }
+  in_parallel(places.size() * parts(), threads_, [&](std::size_t i) {
+    const std::size_t p = i / parts();
+    if (settings[p]) fill(*settings[p], i % parts(), out[p]);
+  });
+  simulations_ += static_cast<int>(places.size());
+  return out;
+}
+
+Eigen::VectorXd Misfit::residuals(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const {
+  return residuals({{&hypothesis, z}}).front();
+}
+
+RecordingMisfit::RecordingMisfit(const std::vector<BenchRecording>& bench,
+                                 const std::vector<std::vector<NoiseModel>>& noise,
+                                 std::vector<std::size_t> chosen, SimulationOptions simulation, int threads)
+    : Misfit(simulation, threads),
+      bench_(bench),
+      noise_(noise),
+      chosen_(std::move(chosen)),
+      usual_steps_(bench.size()) {
   for (const std::size_t r : chosen_) {
     const std::size_t first = blocks_.size();
     for (std::size_t c = 0; c < bench_[r].channels.size(); ++c) {
@@ -68,7 +97,18 @@ Misfit::Misfit(const std::vector<BenchRecording>& bench, const std::vector<std::
   }
 }
 
-std::vector<std::vector<double>> Misfit::channels(const Setting& setting, std::size_t recording) const {
+Misfit::Times RecordingMisfit::times() const {
+  Times out{.shortest = std::numeric_limits<double>::infinity(), .longest = 0};
+  for (const std::size_t r : chosen_) {
+    const auto& b = bench_[r];
+    out.longest = std::max(out.longest, b.duration());
+    out.shortest = std::min(out.shortest, b.duration() / static_cast<double>(b.time.size()));
+  }
+  return out;
+}
+
+std::vector<std::vector<double>> RecordingMisfit::channels(const Setting& setting,
+                                                           std::size_t recording) const {
   BenchRecording moved;
   const BenchRecording* at = &bench_[recording];
   if (setting.spring_factor != 1 || setting.prestress_factor != 1) {
@@ -77,7 +117,12 @@ std::vector<std::vector<double>> Misfit::channels(const Setting& setting, std::s
     moved.header.load.prestress *= setting.prestress_factor;
     at = &moved;
   }
-  auto out = simulate_bench(setting.model, *at, simulation_);
+  auto options = simulation();
+  auto& usual = usual_steps_[recording];
+  if (usual > 0) options.most_steps = few_steps + dearer_at_most * usual;
+  SimulationStatistics statistics;
+  auto out = simulate_bench(setting.model, *at, options, &statistics);
+  if (usual == 0) usual = statistics.tried;
   for (std::size_t c = 0; c < out.size(); ++c)
     for (std::size_t k = 0; k < compared_channels.size(); ++k)
       if (at->channels[c].channel == compared_channels.at(k) && setting.gain.at(k) != 1)
@@ -85,13 +130,13 @@ std::vector<std::vector<double>> Misfit::channels(const Setting& setting, std::s
   return out;
 }
 
-void Misfit::finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const {
+void RecordingMisfit::finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const {
   const auto& p = prepared_[block];
   p.whitening.apply({part.data(), static_cast<std::size_t>(part.size())});
   part -= p.share * p.constant.dot(part) * p.constant;
 }
 
-void Misfit::fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const {
+void RecordingMisfit::fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const {
   const auto [first, last] = blocks_of_[position];
   std::vector<std::vector<double>> simulated;
   try {
@@ -114,30 +159,7 @@ void Misfit::fill(const Setting& setting, std::size_t position, Eigen::VectorXd&
   }
 }
 
-std::vector<Eigen::VectorXd> Misfit::residuals(
-    const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const {
-  std::vector<Eigen::VectorXd> out(places.size(), Eigen::VectorXd(size_));
-  std::vector<std::optional<Setting>> settings(places.size());
-  for (std::size_t p = 0; p < places.size(); ++p) {
-    try {
-      settings[p] = setting_at(*places[p].first, places[p].second);
-    } catch (const Error&) {
-      out[p].setConstant(unsolvable);
-    }
-  }
-  in_parallel(places.size() * chosen_.size(), threads_, [&](std::size_t i) {
-    const std::size_t p = i / chosen_.size();
-    if (settings[p]) fill(*settings[p], i % chosen_.size(), out[p]);
-  });
-  simulations_ += static_cast<int>(places.size());
-  return out;
-}
-
-Eigen::VectorXd Misfit::residuals(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const {
-  return residuals({{&hypothesis, z}}).front();
-}
-
-Eigen::VectorXd Misfit::whiten(const Block& block, const std::vector<double>& signal) const {
+Eigen::VectorXd RecordingMisfit::whiten(const Block& block, const std::vector<double>& signal) const {
   Eigen::VectorXd part(block.count);
   for (std::size_t i = 0; i < block.rows.size(); ++i)
     part[static_cast<Eigen::Index>(i)] = signal[block.rows[i]];
@@ -145,8 +167,9 @@ Eigen::VectorXd Misfit::whiten(const Block& block, const std::vector<double>& si
   return part;
 }
 
-std::vector<std::vector<double>> Misfit::simulated(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                                                   std::size_t recording) const {
+std::vector<std::vector<double>> RecordingMisfit::simulated(const Hypothesis& hypothesis,
+                                                            const Eigen::VectorXd& z,
+                                                            std::size_t recording) const {
   auto out = channels(setting_at(hypothesis, z), recording);
   for (std::size_t c = 0; c < out.size(); ++c) {
     const auto& m = bench_[recording].channels[c];
@@ -168,8 +191,8 @@ std::vector<std::vector<double>> Misfit::simulated(const Hypothesis& hypothesis,
   return out;
 }
 
-std::vector<double> Misfit::plain_residual(std::size_t recording, std::size_t channel,
-                                           const std::vector<double>& simulated) const {
+std::vector<double> RecordingMisfit::plain_residual(std::size_t recording, std::size_t channel,
+                                                    const std::vector<double>& simulated) const {
   const auto& measured = bench_[recording].channels[channel].value;
   const double std = noise_[recording][channel].std();
   std::vector<double> out(measured.size());

@@ -1,5 +1,7 @@
-// Residuals of a hypothesis on a set of recordings, in standard deviations of the noise and whitened; an
-// offset of each recording's channels is taken out, as far as 3 % of the range are believed.
+// Residuals of a hypothesis in standard deviations of what was measured.
+//
+// On recordings they are whitened, and an offset of each recording's channels is taken out, as far as 3 % of
+// the range are believed. On published tables see table_misfit.h.
 #pragma once
 
 #include <atomic>
@@ -8,6 +10,7 @@
 
 #include "model/discrepancy/coordinates.h"
 #include "model/discrepancy/noise.h"
+#include "model/effects/catalogue.h"
 
 namespace ferrobench::model::discrepancy {
 
@@ -22,21 +25,56 @@ struct Block {
 
 class Misfit {
  public:
-  // Of the recordings chosen. `bench` must outlive it.
-  Misfit(const std::vector<BenchRecording>& bench, const std::vector<std::vector<NoiseModel>>& noise,
-         std::vector<std::size_t> chosen, SimulationOptions simulation, int threads);
+  virtual ~Misfit() = default;
 
   Eigen::Index size() const { return size_; }
-  const std::vector<Block>& blocks() const { return blocks_; }
-  const std::vector<BenchRecording>& bench() const { return bench_; }
-  const std::vector<std::size_t>& chosen() const { return chosen_; }
   int threads() const { return threads_; }
+  int simulations() const { return simulations_; }  // of the whole set
+  const SimulationOptions& simulation() const { return simulation_; }
 
   // Measured less simulated. If the model cannot be solved there: rows of 1e6.
   Eigen::VectorXd residuals(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const;
   // At several places at once, spread over the threads.
   std::vector<Eigen::VectorXd> residuals(
       const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const;
+
+  // The shortest and the longest time constant that could show.
+  struct Times {
+    double shortest = 0, longest = 0;  // s
+  };
+  virtual Times times() const = 0;
+  // Frequencies within the range at which a residual's displacement has its strongest tones, phase zero at
+  // each start.
+  virtual std::vector<double> tones(const Eigen::VectorXd& residual, const EffectParameter& range,
+                                    std::size_t count) const = 0;
+
+ protected:
+  Misfit(SimulationOptions simulation, int threads) : simulation_(simulation), threads_(threads) {}
+  virtual std::size_t parts() const = 0;  // that are simulated one by one
+  virtual void fill(const Setting& setting, std::size_t part, Eigen::VectorXd& out) const = 0;
+  static constexpr double unsolvable = 1e6;
+  Eigen::Index size_ = 0;
+
+ private:
+  SimulationOptions simulation_;
+  int threads_;
+  mutable std::atomic<int> simulations_{0};
+};
+
+class RecordingMisfit final : public Misfit {
+ public:
+  // Of the recordings chosen. `bench` must outlive it.
+  RecordingMisfit(const std::vector<BenchRecording>& bench, const std::vector<std::vector<NoiseModel>>& noise,
+                  std::vector<std::size_t> chosen, SimulationOptions simulation, int threads);
+
+  const std::vector<Block>& blocks() const { return blocks_; }
+  const std::vector<BenchRecording>& bench() const { return bench_; }
+  const std::vector<std::size_t>& chosen() const { return chosen_; }
+
+  Times times() const override;
+  std::vector<double> tones(const Eigen::VectorXd& residual, const EffectParameter& range,
+                            std::size_t count) const override;
+
   // A signal in SI of one block's rows (of the recording's length) as it would enter the residual.
   Eigen::VectorXd whiten(const Block& block, const std::vector<double>& signal) const;
   // What the hypothesis gives for a recording's channels in SI, gains and factors included, offset too.
@@ -46,29 +84,25 @@ class Misfit {
   std::vector<double> plain_residual(std::size_t recording, std::size_t channel,
                                      const std::vector<double>& simulated) const;
 
-  int simulations() const { return simulations_; }  // of the whole set
-  const SimulationOptions& simulation() const { return simulation_; }
-
  private:
   struct Prepared {
     Whitening whitening;
     Eigen::VectorXd constant;  // whitened offset of 1
     double share = 0;          // of it to take out
   };
-  void fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const;
+  std::size_t parts() const override { return chosen_.size(); }
+  void fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const override;
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
   std::vector<std::vector<double>> channels(const Setting& setting, std::size_t recording) const;
 
   const std::vector<BenchRecording>& bench_;
   const std::vector<std::vector<NoiseModel>>& noise_;
   std::vector<std::size_t> chosen_;
-  SimulationOptions simulation_;
-  int threads_;
   std::vector<Block> blocks_;
   std::vector<Prepared> prepared_;
   std::vector<std::pair<std::size_t, std::size_t>> blocks_of_;  // by position in chosen_: first, past last
-  Eigen::Index size_ = 0;
-  mutable std::atomic<int> simulations_{0};
+  // By recording of the bench: steps that its first simulation took, which bounds all others.
+  mutable std::vector<std::atomic<std::uint64_t>> usual_steps_;
 };
 
 }  // namespace ferrobench::model::discrepancy

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <set>
 
-#include "model/discrepancy/signals.h"
-
 namespace ferrobench::model::discrepancy {
 namespace {
 
@@ -30,9 +28,23 @@ Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screen
   z.head(from.z.size()) = from.z - Projection(from).taken(s.response + from.residual);
   // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base stands.
   if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
-  out.fit = fit(misfit, hypothesis, z, limits, &from.jacobian);
+  out.fit = fit(misfit, hypothesis, z, limits, &from);
   out.drop = base.squares - out.fit.squares;
   return out;
+}
+
+// To the end, with the simulations' own error taken out where the fit stands.
+void polish(const Misfit& misfit, const Misfit& fine, const Fit& base, Trial& t,
+            const std::function<void()>& tick) {
+  if (t.polished) return;
+  correct(misfit, fine, t.fit);
+  auto end = fit(misfit, t.fit.hypothesis, t.fit.z,
+                 {.iterations = 20, .refreshes = 3, .enough = 1, .tick = tick}, &t.fit);
+  correct(misfit, fine, end);
+  refresh(misfit, end);
+  t.fit = std::move(end);
+  t.drop = base.squares - t.fit.squares;
+  t.polished = true;
 }
 
 }  // namespace
@@ -47,7 +59,7 @@ double score(const Trial& t, double samples) {
   return t.drop - numbers * std::log(samples);
 }
 
-Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& options) {
+Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options) {
   Naming out;
   const auto tick = [&](const std::string& stage, double fraction) {
     if (options.tick) options.tick(stage, fraction);
@@ -58,7 +70,7 @@ Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& op
                                        }});
   const auto check = [&](Trial& t, double from, double to) {
     if (t.checked) return std::vector<Screened>{};
-    refresh(misfit, t.fit);
+    polish(misfit, fine, base, t, [&] { tick("is it enough", from); });
     auto more =
         screen(misfit, t.fit,
                {.effects = without(options.candidates, t.effects), .rounds = 4, .tick = [&](double f) {
@@ -66,7 +78,7 @@ Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& op
                 }});
     t.checked = true;
     if (!more.empty()) t.left = more.front().drop;
-    t.left = std::max(t.left, explained_by_signals(misfit, t.fit).beyond_chance);
+    if (options.beyond_effects) t.left = std::max(t.left, options.beyond_effects(t.fit));
     return more;
   };
 
@@ -86,6 +98,14 @@ Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& op
   best_first();
   out.detected = !out.trials.empty() && score(out.trials.front(), samples) > options.detect;
   if (!out.detected) return out;
+
+  // Which is best is told by those near the top, fitted to the end.
+  const double near = std::max(3 * options.second, 0.05 * out.trials.front().drop);
+  const double top = score(out.trials.front(), samples);
+  for (std::size_t i = 0; i < std::min(out.trials.size(), most_firsts); ++i)
+    if (i == 0 || score(out.trials[i], samples) > top - near)
+      polish(misfit, fine, base, out.trials[i], [&] { tick("comparing the best", 0.5); });
+  best_first();
 
   // Is one effect enough? The best, and those as good as it.
   std::vector<std::vector<Screened>> seconds;

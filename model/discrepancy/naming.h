@@ -11,7 +11,8 @@ namespace ferrobench::model::discrepancy {
 struct Trial {
   std::vector<const Effect*> effects;
   Fit fit;
-  double drop = 0;  // of the sum of squares against the base model's fit
+  double drop = 0;        // of the sum of squares against the base model's fit
+  bool polished = false;  // fitted to the end
   // What is left: the largest drop that one more effect, or functions of the signals, would bring.
   bool checked = false;
   double left = 0;
@@ -21,6 +22,8 @@ struct NamingOptions {
   std::vector<const Effect*> candidates;
   double detect = 0;  // a smaller drop is nothing
   double second = 0;  // a smaller drop by a second effect is nothing
+  // What anything that is no effect would still take off the sum of squares; absent: not asked.
+  std::function<double(const Fit&)> beyond_effects;
   std::function<void(const std::string& stage, double fraction)> tick;
 };
 
@@ -35,6 +38,8 @@ struct Naming {
 double allowed_left(const NamingOptions& options, double drop);
 double score(const Trial& trial, double samples);
 
-Naming find_names(const Misfit& misfit, const Fit& base, const NamingOptions& options);
+// `fine` is the same misfit with a simulation whose error does not show: fits that are judged are corrected
+// by it.
+Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options);
 
 }  // namespace ferrobench::model::discrepancy

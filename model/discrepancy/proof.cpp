@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t fewest_rows = 15;  // of a stretch that says anything
 
-std::vector<std::vector<std::vector<double>>> simulate_all(const Misfit& misfit, const Hypothesis& h,
+std::vector<std::vector<std::vector<double>>> simulate_all(const RecordingMisfit& misfit, const Hypothesis& h,
                                                            const Eigen::VectorXd& z) {
   std::vector<std::vector<std::vector<double>>> out(misfit.chosen().size());
   in_parallel(out.size(), misfit.threads(),
@@ -18,7 +18,8 @@ std::vector<std::vector<std::vector<double>>> simulate_all(const Misfit& misfit,
 
 }  // namespace
 
-Residuals plain_residuals(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
+Residuals plain_residuals(const RecordingMisfit& misfit, const Hypothesis& hypothesis,
+                          const Eigen::VectorXd& z) {
   auto out = simulate_all(misfit, hypothesis, z);
   for (std::size_t i = 0; i < out.size(); ++i)
     for (std::size_t c = 0; c < out[i].size(); ++c)
@@ -26,7 +27,7 @@ Residuals plain_residuals(const Misfit& misfit, const Hypothesis& hypothesis, co
   return out;
 }
 
-ChannelFigures rms_by_channel(const Misfit& misfit, const Residuals& residuals) {
+ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Residuals& residuals) {
   std::map<recordings::Channel, std::pair<double, double>> sums;
   for (std::size_t i = 0; i < residuals.size(); ++i)
     for (std::size_t c = 0; c < residuals[i].size(); ++c)
@@ -41,7 +42,7 @@ ChannelFigures rms_by_channel(const Misfit& misfit, const Residuals& residuals) 
   return out;
 }
 
-std::vector<Excess> excess_by_stretch(const Misfit& misfit, const Residuals& residuals) {
+std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Residuals& residuals) {
   std::vector<Excess> out;
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const auto& r = misfit.bench()[misfit.chosen()[i]];
@@ -65,9 +66,9 @@ std::vector<Excess> excess_by_stretch(const Misfit& misfit, const Residuals& res
   return out;
 }
 
-std::vector<Trace> traces(const Misfit& misfit, const Hypothesis& before, const Eigen::VectorXd& z_before,
-                          const Hypothesis& after, const Eigen::VectorXd& z_after, std::size_t count,
-                          bool held_out) {
+std::vector<Trace> traces(const RecordingMisfit& misfit, const Hypothesis& before,
+                          const Eigen::VectorXd& z_before, const Hypothesis& after,
+                          const Eigen::VectorXd& z_after, std::size_t count, bool held_out) {
   const auto old_way = simulate_all(misfit, before, z_before), new_way = simulate_all(misfit, after, z_after);
   struct Place {
     std::size_t position = 0, channel = 0;

@@ -8,15 +8,16 @@ namespace ferrobench::model::discrepancy {
 
 // Residuals over noise by recording (in the order of misfit.chosen()) and channel; NaN where not measured.
 using Residuals = std::vector<std::vector<std::vector<double>>>;
-Residuals plain_residuals(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z);
+Residuals plain_residuals(const RecordingMisfit& misfit, const Hypothesis& hypothesis,
+                          const Eigen::VectorXd& z);
 
-ChannelFigures rms_by_channel(const Misfit& misfit, const Residuals& residuals);
+ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Residuals& residuals);
 // By recording, channel and kind of stretch; worst first.
-std::vector<Excess> excess_by_stretch(const Misfit& misfit, const Residuals& residuals);
+std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Residuals& residuals);
 
 // The stretches in which an explanation took away most, at most `count`, one for each channel and recording.
-std::vector<Trace> traces(const Misfit& misfit, const Hypothesis& before, const Eigen::VectorXd& z_before,
-                          const Hypothesis& after, const Eigen::VectorXd& z_after, std::size_t count,
-                          bool held_out);
+std::vector<Trace> traces(const RecordingMisfit& misfit, const Hypothesis& before,
+                          const Eigen::VectorXd& z_before, const Hypothesis& after,
+                          const Eigen::VectorXd& z_after, std::size_t count, bool held_out);
 
 }  // namespace ferrobench::model::discrepancy

@@ -208,6 +208,28 @@ std::string detectable_table(const Discovery& d) {
   return out + "</table></div>\n";
 }
 
+// Published cells; none if recordings were the bench.
+std::vector<recordings::Table> cell_tables(const Discovery& d) {
+  std::vector<recordings::Table> out;
+  for (const auto& c : d.cells) {
+    const std::string key = "table_" + c.table;
+    if (out.empty() || out.back().key != key) {
+      auto& t = out.emplace_back();
+      t.key = key;
+      t.title = "Table " + c.table + ": " + readable(c.published.quantity);
+      for (const auto& [name, value] : c.published.keys) t.columns.push_back({name, readable(name), ""});
+      t.columns.insert(t.columns.end(), {{"published", "published", ""},
+                                         {"before", "model before", ""},
+                                         {"after", "model after", ""},
+                                         {"held_out", "locked away", ""}});
+    }
+    auto& row = out.back().rows.emplace_back();
+    for (const auto& [name, value] : c.published.keys) row.emplace_back(value);
+    row.insert(row.end(), {c.published.published, c.before, c.after, std::string(c.held_out ? "yes" : "")});
+  }
+  return out;
+}
+
 struct Display {
   std::string label;
   double scale = 1;
@@ -288,6 +310,7 @@ std::string text_report(const Discovery& d) {
     out += s.title + "\n";
     for (const auto& line : s.lines) out += "  " + line + "\n";
   }
+  for (const auto& table : cell_tables(d)) out += "\n" + to_text(table);
   return out;
 }
 
@@ -306,6 +329,7 @@ std::string html_report(const Discovery& d) {
         (s.title == "Verdict" && d.verdict == Verdict::nothing_missing))
       body += pictures(d);
   }
+  for (const auto& table : cell_tables(d)) body += to_html(table);
   return recordings::html_frame("What the model misses", body + detectable_table(d));
 }
 

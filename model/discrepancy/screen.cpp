@@ -2,86 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
-#include <numbers>
 
 namespace ferrobench::model::discrepancy {
 namespace {
 
-using recordings::Channel;
-
 constexpr double least_response = 1e-2;  // sum of squares; less is none
 constexpr double plausible_response = 25;
 
-// Frequencies at which the displacement's residual has its strongest tones, phase zero at each start.
-std::vector<double> tones(const Misfit& misfit, const Fit& fit, const EffectParameter& range,
-                          std::size_t count) {
-  // In the longest recording, which resolves them best; the screen weighs them in all.
-  const Block* longest_block = nullptr;
-  double longest = 0;
-  for (const auto& b : misfit.blocks()) {
-    const auto& r = misfit.bench()[b.recording];
-    if (r.channels[b.channel].channel != Channel::displacement || b.count < 32) continue;
-    if (r.duration() <= longest) continue;
-    longest = r.duration();
-    longest_block = &b;
-  }
-  if (longest_block == nullptr) return {};
-  const Block& first = *longest_block;
-  const auto& times = misfit.bench()[first.recording].time;
-  const double step = 0.3 / longest;
-  const auto bins = static_cast<std::size_t>(std::min(400000.0, (range.high - range.low) / step));
-  std::vector<double> power(bins, 0.0);
-  in_parallel(bins / 1000 + 1, misfit.threads(), [&](std::size_t chunk) {
-    for (std::size_t b = chunk * 1000; b < std::min(bins, (chunk + 1) * 1000); ++b) {
-      const double w = 2 * std::numbers::pi * (range.low + step * static_cast<double>(b));
-      // Evenly sampled stretches need one rotation a sample.
-      std::complex<double> wave = 1, turn = 1;
-      double last_dt = -1, sum = 0, square = 0, last = times[first.rows[0]];
-      wave = std::polar(1.0, w * last);
-      for (std::size_t i = 0; i < first.rows.size(); ++i) {
-        const double t = times[first.rows[i]], dt = t - last;
-        if (dt > 0) {
-          if (std::abs(dt - last_dt) > 1e-9 * dt) {
-            turn = std::polar(1.0, w * dt);
-            last_dt = dt;
-          }
-          wave *= turn;
-          if (i % 64 == 0) wave = std::polar(1.0, w * t);
-        }
-        last = t;
-        const double s = wave.imag();
-        sum += s * fit.residual[first.begin + static_cast<Eigen::Index>(i)];
-        square += s * s;
-      }
-      power[b] = square > 1 ? sum * sum / square : 0;
-    }
-  });
-  std::vector<double> out;
-  for (std::size_t k = 0; k < count; ++k) {
-    const auto top = std::max_element(power.begin(), power.end());
-    if (top == power.end() || *top <= 0) break;
-    const auto at = top - power.begin();
-    out.push_back(range.low + step * static_cast<double>(at));
-    for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, at - 4);
-         i < std::min<std::ptrdiff_t>(at + 5, std::ssize(power)); ++i)
-      power[static_cast<std::size_t>(i)] = 0;
-  }
-  return out;
-}
-
 std::vector<double> shapes_of(const EffectParameter& p, const Misfit& misfit, const Fit& fit) {
-  if (p.name == "frequency") return tones(misfit, fit, p, 4);
+  if (p.name == "frequency") return misfit.tones(fit.residual, p, 4);
   double low = p.low, high = p.high;
   int count = 3;
   if (p.unit == "s") {
     // Shorter than the samples or much longer than the recordings is none of these data's business.
-    double shortest = p.high, longest = 0;
-    for (const std::size_t r : misfit.chosen()) {
-      const auto& b = misfit.bench()[r];
-      longest = std::max(longest, b.duration());
-      shortest = std::min(shortest, b.duration() / static_cast<double>(b.time.size()));
-    }
+    const auto [shortest, longest] = misfit.times();
     low = std::clamp(3 * shortest, p.low, p.high);
     high = std::clamp(2 * longest, low, p.high);
     count = 4;
@@ -160,7 +94,7 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
           p.done = std::abs(std::log(next / p.strength)) < 0.1;
           p.strength = next;
         };
-        const Eigen::VectorXd r = residuals[i - begin] - fit.residual;
+        const Eigen::VectorXd r = fit.corrected(residuals[i - begin]) - fit.residual;
         if (r.cwiseAbs().maxCoeff() > 1e5) {
           go_to(0.1 * p.strength);
           continue;

@@ -22,7 +22,7 @@ struct States {
   Model model;
 };
 
-States states_of(const Misfit& misfit, const Fit& fit, std::size_t recording) {
+States states_of(const RecordingMisfit& misfit, const Fit& fit, std::size_t recording) {
   const auto& r = misfit.bench()[recording];
   const auto setting = setting_at(fit.hypothesis, fit.z);
   auto header = r.header;
@@ -190,7 +190,7 @@ Functions functions_of(Family family, const States& s) {
 
 }  // namespace
 
-Explained explained_by_signals(const Misfit& misfit, const Fit& fit) {
+Explained explained_by_signals(const RecordingMisfit& misfit, const Fit& fit) {
   std::map<std::size_t, States> states;
   for (const std::size_t r : misfit.chosen()) states.emplace(r, States{});
   std::vector<std::size_t> order(misfit.chosen());

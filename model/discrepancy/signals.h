@@ -24,6 +24,6 @@ struct Explained {
 };
 
 // The family whose functions explain most beyond chance. `fit` must have a Jacobian.
-Explained explained_by_signals(const Misfit& misfit, const Fit& fit);
+Explained explained_by_signals(const RecordingMisfit& misfit, const Fit& fit);
 
 }  // namespace ferrobench::model::discrepancy

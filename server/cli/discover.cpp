@@ -13,7 +13,7 @@ namespace ferrobench::cli {
 namespace {
 
 struct DiscoverCommand {
-  std::vector<std::string> recordings{}, held_out{};
+  std::vector<std::string> recordings{}, held_out{}, tables{};
   std::string model{}, json{}, report{}, improved{};
   int threads = 0;
   std::uint64_t seed = 1;
@@ -43,6 +43,10 @@ int discover(const DiscoverCommand& o, const Common& common) {
   for (const auto& given : o.recordings)
     recordings.push_back({name_of(given), recordings::read_recording(recording_argument(given, common))});
 
+  if (recordings.empty() == o.tables.empty())
+    throw Error(ErrorCode::invalid_params,
+                "discover wants recordings, or published tables by --table, not both");
+
   const Interrupt interrupt;
   ProgressLine line;
   const auto begin = std::chrono::steady_clock::now();
@@ -57,7 +61,8 @@ int discover(const DiscoverCommand& o, const Common& common) {
   };
   model::Discovery found;
   try {
-    found = model::discover(base, std::move(recordings), options);
+    found = o.tables.empty() ? model::discover(base, std::move(recordings), options)
+                             : model::discover_in_tables(base, o.tables, options);
   } catch (const Error& e) {
     line.finish();
     if (e.code() != ErrorCode::cancelled) throw;
@@ -79,8 +84,11 @@ void add_discover(CLI::App& app, Common& common) {
       "discover", "Find what a model misses in recordings, name it, add it, and prove it on unseen ones");
   auto o = std::make_shared<DiscoverCommand>();
   sub->add_option("RECORDING", o->recordings,
-                  "files, or names in the data folder; eight of different kinds are good")
-      ->required();
+                  "files, or names in the data folder; eight of different kinds are good");
+  sub->add_option("--table", o->tables,
+                  "a published table for a bench, in place of recordings: 3.10 ... 3.13")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   sub->add_option("--model", o->model, "the model in question, by name or file")->required();
   sub->add_option(
          "--held-out", o->held_out,
@@ -103,6 +111,7 @@ void add_discover(CLI::App& app, Common& common) {
       "Prints the findings. Ctrl-C stops it; nothing is written then.\n"
       "Examples:\n"
       "  ferrobench discover --model nec-ae0505d08 *.h5 --report missing.html --improved better.json\n"
+      "  ferrobench discover --model nec-single-crystal --table 3.11 --table 3.12\n"
       "  ferrobench discover --model mine.json --held-out loop-3,creep-2 *.h5 --json found.json");
   sub->callback([o, &common] { common.action = [o, &common] { return discover(*o, common); }; });
 }

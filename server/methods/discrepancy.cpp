@@ -10,14 +10,15 @@ namespace {
 using nlohmann::json;
 
 struct DiscoveryParams {
-  std::vector<std::string> recordings{}, held_out{};
+  std::vector<std::string> recordings{}, tables{}, held_out{};
   json model{};
   std::string name{};
   std::int64_t seed = 1;
 };
 template <class Visitor>
 void describe(Visitor& visit, DiscoveryParams& p) {
-  visit("recordings", p.recordings, {.required = true, .doc = "names of the recordings of the bench"});
+  visit("recordings", p.recordings, {.doc = "names of the recordings of the bench"});
+  visit("tables", p.tables, {.doc = "in place of recordings: published tables, 3.10 to 3.13"});
   visit("model", p.model, {.doc = "name or model in question; absent: the default one"});
   visit("held_out", p.held_out, {.doc = "names of those to lock away for the proof; absent: chosen"});
   visit("name", p.name, {.doc = "keeps the improved model under this name"});
@@ -61,7 +62,8 @@ json search_discrepancy(Engine& engine, const DiscoveryParams& p, Jobs::Handle& 
     job.say(progress.fraction, progress.stage);
     return !job.cancelled();
   };
-  const auto found = model::discover(base, std::move(recordings), options);
+  const auto found = p.tables.empty() ? model::discover(base, std::move(recordings), options)
+                                      : model::discover_in_tables(base, p.tables, options);
   if (!p.name.empty()) engine.store().put_model(p.name, to_json(found.improved));
   return {{"discovery", to_json(found)}, {"html", html_report(found)}, {"text", text_report(found)}};
 }
@@ -85,7 +87,10 @@ void add_discrepancy_methods(Dispatcher& rpc, Engine& engine) {
        .role = Role::control},
       [&engine](const DiscoveryParams& p) {
         if (!p.name.empty()) check_name(p.name, "/name");
+        if (p.recordings.empty() == p.tables.empty())
+          throw Error(ErrorCode::invalid_params, "recordings or tables are wanted, not both");
         for (const auto& name : p.recordings) engine.store().recording(name);
+        for (const auto& name : p.tables) recordings::published_table(name);
         const auto id = engine.jobs().start(
             "discover", [&engine, p](Jobs::Handle& job) { return search_discrepancy(engine, p, job); });
         return engine.jobs().status(id);

@@ -1,0 +1,184 @@
+#include "model/discrepancy/search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+constexpr int base_starts = 5;
+
+// From the given model, and roughly from other starts: one of them may lead to a better minimum.
+Fit fit_base(const Misfits& misfits, const Hypothesis& base, const SearchOptions& options, Health& health) {
+  const auto& [rough, misfit, fine] = misfits;
+  std::mt19937_64 random(options.seed);
+  std::normal_distribution<double> normal;
+  const auto n = static_cast<Eigen::Index>(base.coordinates.size());
+  FitLimits limits{.iterations = 20, .refreshes = 4, .enough = 0.5, .tick = {}};
+  limits.tick = [&] { options.tick("recalibrating the model", 0.03); };
+  Fit best = fit(misfit, base, Eigen::VectorXd::Zero(n), limits);
+  const FitLimits quick{.iterations = 8, .refreshes = 2, .enough = 5, .tick = limits.tick};
+  const double reached = fit(rough, base, best.z, quick).squares;
+  double least = std::numeric_limits<double>::infinity();
+  for (int start = 1; start < base_starts; ++start) {
+    Eigen::VectorXd z(n);
+    for (Eigen::Index i = 0; i < n; ++i) z[i] = normal(random);
+    limits.tick = [&] { options.tick("recalibrating from other starts", 0.1 + 0.15 * start / base_starts); };
+    const auto other = fit(rough, base, z, quick);
+    least = std::min(least, other.squares);
+    if (other.squares > 0.98 * reached) continue;
+    auto better = fit(misfit, base, other.z, limits);
+    if (better.squares < best.squares) best = std::move(better);
+  }
+  correct(misfit, fine, best);
+  limits.tick = [&] { options.tick("recalibrating the model", 0.27); };
+  best = fit(misfit, base, best.z, limits, &best);
+  correct(misfit, fine, best);
+  refresh(misfit, best);
+  health.starts = base_starts;
+  health.start_spread = (least - reached) / reached;
+  return best;
+}
+
+std::map<std::string, Recalibration> recalibrations(const Fit& fit, double numerical) {
+  const Eigen::MatrixXd covariance = fit.normal().inverse();
+  std::map<std::string, Recalibration> out;
+  for (std::size_t i = 0; i < fit.hypothesis.base_count; ++i) {
+    const auto& c = fit.hypothesis.coordinates[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    out[c.path] = {
+        c.from, c.value(fit.z[k]),
+        widening(fit, numerical) * std::abs(c.slope(fit.z[k])) * std::sqrt(std::max(0.0, covariance(k, k)))};
+  }
+  return out;
+}
+
+Model model_at(const Fit& fit, const std::string& note) {
+  auto out = setting_at(fit.hypothesis, fit.z).model;
+  out.notes += (out.notes.empty() ? "" : " ") + note;
+  return out;
+}
+
+void detectable(Discovery& out, const std::vector<Screened>& screened, double threshold) {
+  for (const auto& c : screened) {
+    if (c.excited < 9) {
+      out.not_testable.emplace_back(c.effect->id);
+      continue;
+    }
+    if (c.across <= 0) continue;
+    const auto& p = c.effect->parameters.front();
+    const Amplitude amplitude(p);
+    out.smallest_detectable[std::string(c.effect->id)][std::string(p.name)] =
+        amplitude.value(c.strength * std::sqrt(threshold / c.across));
+  }
+}
+
+// Explanations that these recordings cannot tell apart.
+void equivalences(Discovery& out, const Naming& naming, double samples, double close) {
+  if (naming.trials.empty()) return;
+  const auto& best = naming.trials.front();
+  std::vector<std::string> group;
+  for (const auto& t : naming.trials)
+    if (t.effects.size() == 1 && best.effects.size() == 1 && score(t, samples) > score(best, samples) - close)
+      group.emplace_back(t.effects[0]->id);
+  if (group.size() > 1) out.equivalent.push_back(std::move(group));
+}
+
+}  // namespace
+
+std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted) {
+  std::vector<const Effect*> out;
+  for (const auto& id : wanted) find_effect(id);
+  for (const auto& effect : effect_catalogue()) {
+    if (!wanted.empty() && std::ranges::find(wanted, effect.id) == wanted.end()) continue;
+    // What the model has already is recalibrated, not found.
+    const bool has =
+        std::ranges::any_of(model.effects, [&](const auto& s) { return s.id == effect.id; }) ||
+        (effect.id == "barrier_distribution" && model.polycrystal.barrier_log_std != 0) ||
+        (effect.id == "interaction_field_distribution" && model.polycrystal.interaction_field_std != 0) ||
+        (effect.id == "internal_bias_field" && model.polycrystal.bias_field != 0) ||
+        (effect.id == "passive_layer_compliance" && model.actuator.passive_stiffness);
+    if (has) continue;
+    try {
+      std::vector<double> values;
+      for (const auto& p : effect.parameters) values.push_back(std::sqrt(p.low * p.high));
+      auto trial = model;
+      Ports ports;
+      effect.install(values, trial, ports);
+    } catch (const Error&) {
+      continue;  // has no meaning for such a model
+    }
+    out.push_back(&effect);
+  }
+  return out;
+}
+
+Eigen::VectorXd at_rest(const Hypothesis& h) {
+  return Eigen::VectorXd::Zero(static_cast<Eigen::Index>(h.coordinates.size()));
+}
+
+SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
+                                    Health& health) {
+  constexpr double hardly = 0.12;  // of the noise; what there is of it is corrected for
+  const auto fine = at(fine_simulation);
+  const auto apart = [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    return (a - b).norm() / std::sqrt(static_cast<double>(std::max<Eigen::Index>(1, a.size())));
+  };
+  SimulationOptions out;
+  for (const auto& [tolerance, domains] :
+       {std::pair{1e-3, 250}, {3e-4, 500}, {3e-4, 1000}, {1e-4, 1000}, {1e-4, 2000}, {5e-5, 4000}}) {
+    out = {.tolerance = tolerance, .domains = domains};
+    if (apart(at(out), fine) < hardly) break;
+  }
+  // Two lattices of domains differ by what either is wrong.
+  auto other = fine_simulation;
+  other.shift = 3;
+  health.numerical_error_over_noise = apart(at(other), fine) / std::sqrt(2.0);
+  if (health.numerical_error_over_noise > 0.05)
+    health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
+  return out;
+}
+
+Search search(const Misfits& misfits, const Hypothesis& base, const SearchOptions& options, Health& health) {
+  Search out;
+  out.samples = static_cast<double>(misfits.usual.size());
+  out.base = fit_base(misfits, base, options, health);
+  out.options = {.candidates = options.candidates,
+                 .detect = 60,
+                 .second = 60,
+                 .beyond_effects = options.beyond_effects,
+                 .tick = [&](const std::string& stage, double f) { options.tick(stage, 0.3 + 0.6 * f); }};
+  out.naming = find_names(misfits.usual, misfits.fine, out.base, out.options);
+  out.options.tick = {};
+  out.judgement = judge(out.naming, out.options, out.samples);
+  const auto verdict = out.judgement.verdict;
+  if (verdict == Verdict::named || verdict == Verdict::ambiguous)
+    out.best = out.judgement.trials.front().first;
+  return out;
+}
+
+void tell(const Search& s, Discovery& out) {
+  const double numerical = out.health.numerical_error_over_noise;
+  out.verdict = s.judgement.verdict;
+  out.probability_unknown = s.judgement.probability_unknown;
+  out.probability_nothing = s.judgement.probability_nothing;
+  if (out.verdict != Verdict::nothing_missing)
+    for (const auto& [trial, probability] : s.judgement.trials)
+      out.explanations.push_back({estimates(*trial, numerical), probability});
+  if (s.best != nullptr) out.family = s.best->effects.front()->family;
+  out.recalibrated = recalibrations(s.after(), numerical);
+  out.recalibrated_base = model_at(s.base, "Recalibrated.");
+  out.improved = s.best != nullptr ? model_at(s.best->fit, "Recalibrated, with what was found missing.")
+                                   : out.recalibrated_base;
+  detectable(out, s.naming.screened, s.options.detect);
+  equivalences(out, s.naming, s.samples, 20);
+  for (const auto& t : s.naming.trials) {
+    if (!t.checked || (s.best != nullptr && &t != s.best)) continue;
+    out.health.largest_left = t.left;
+    out.health.allowed_left = allowed_left(s.options, t.drop);
+    break;
+  }
+}
+
+}  // namespace ferrobench::model::discrepancy

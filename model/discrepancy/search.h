@@ -1,0 +1,52 @@
+// The search itself, from residuals to a judged explanation: recalibration, naming, verdict. What the
+// residuals are of, recordings or published tables, is the misfit's business.
+#pragma once
+
+#include "model/discrepancy/discover.h"
+#include "model/discrepancy/verdict.h"
+
+namespace ferrobench::model::discrepancy {
+
+// Effects that may be named: those of the catalogue (of `wanted` if there are any) that the model has not
+// got and that mean something for it.
+std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
+
+// The cheapest simulation whose own error hardly shows: `at` gives the residuals that a simulation leads to.
+SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
+                                    Health& health);
+// Where nothing has moved.
+Eigen::VectorXd at_rest(const Hypothesis& hypothesis);
+
+struct SearchOptions {
+  std::vector<const Effect*> candidates;
+  std::uint64_t seed = 1;
+  // What functions of the signals would still take off the sum of squares; absent: not asked.
+  std::function<double(const Fit&)> beyond_effects;
+  std::function<void(const std::string& stage, double fraction)> tick;
+};
+
+struct Search {
+  Fit base;  // recalibrated
+  NamingOptions options;
+  Naming naming;
+  Judgement judgement;
+  double samples = 0;
+  const Trial* best = nullptr;  // what is added to the model, if anything
+
+  const Fit& after() const { return best != nullptr ? best->fit : base; }
+};
+
+// The same misfit three times: rough for the recalibration's other starts, usual for fits, fine to correct
+// them by.
+struct Misfits {
+  const Misfit &rough, &usual, &fine;
+};
+inline constexpr SimulationOptions rough_simulation{.tolerance = 1e-3, .domains = 250};
+inline constexpr SimulationOptions fine_simulation{.tolerance = 3e-5, .domains = 8000, .shift = 7};
+
+Search search(const Misfits& misfits, const Hypothesis& base, const SearchOptions& options, Health& health);
+
+// What the search says of effects, parameters and models.
+void tell(const Search& search, Discovery& out);
+
+}  // namespace ferrobench::model::discrepancy

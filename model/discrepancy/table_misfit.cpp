@@ -1,0 +1,65 @@
+#include "model/discrepancy/table_misfit.h"
+
+#include <fmt/format.h>
+
+namespace ferrobench::model::discrepancy {
+namespace {
+
+constexpr double stroke_known_to = 0.0025, creep_known_to = 0.2;
+constexpr double shortest_of_interest = 0.01;  // s; creep over seconds does not show less
+
+// "prestress_MPa" 8: "8 MPa"
+std::string with_unit(const std::pair<std::string, double>& key) {
+  if (key.first == "prestress_MPa") return fmt::format("{:g} MPa", key.second);
+  if (key.first == "rate_V_per_s") return fmt::format("{:g} V/s", key.second);
+  if (key.first == "field_kV_per_mm") return fmt::format("{:g} kV/mm", key.second);
+  return fmt::format("{} {:g}", key.first, key.second);
+}
+
+}  // namespace
+
+std::vector<TableCell> cells_of(const PublishedExperiments& experiments) {
+  std::vector<TableCell> out;
+  for (const auto& table : experiments.tables())
+    for (const auto& cell : table.cells) {
+      TableCell c;
+      c.table = table.name;
+      c.published = cell;
+      const bool stroke = cell.quantity.find("stroke") != std::string::npos;
+      c.std = (stroke ? stroke_known_to : creep_known_to) * (cell.doubtful ? 2 : 1);
+      c.run = with_unit(cell.keys.front());
+      if (cell.keys.size() > 1) c.detail = with_unit(cell.keys[1]);
+      if (cell.quantity.starts_with("polarization")) c.channel = recordings::Channel::charge;
+      out.push_back(std::move(c));
+    }
+  return out;
+}
+
+TableMisfit::TableMisfit(const PublishedExperiments& experiments, std::vector<std::size_t> chosen,
+                         SimulationOptions simulation, int threads)
+    : Misfit(simulation, threads),
+      experiments_(experiments),
+      cells_(cells_of(experiments)),
+      chosen_(std::move(chosen)) {
+  size_ = static_cast<Eigen::Index>(chosen_.size());
+}
+
+Misfit::Times TableMisfit::times() const {
+  return {.shortest = shortest_of_interest, .longest = experiments_.duration()};
+}
+
+void TableMisfit::fill(const Setting& setting, std::size_t, Eigen::VectorXd& out) const {
+  std::vector<double> errors;
+  try {
+    for (const auto& comparison : experiments_.simulate(setting.model, simulation()))
+      for (const auto& cell : comparison.cells) errors.push_back(log_error(cell));
+  } catch (const Error& e) {
+    if (e.code() == ErrorCode::cancelled) throw;
+    out.setConstant(unsolvable);
+    return;
+  }
+  for (std::size_t i = 0; i < chosen_.size(); ++i)
+    out[static_cast<Eigen::Index>(i)] = -errors[chosen_[i]] / cells_[chosen_[i]].std;
+}
+
+}  // namespace ferrobench::model::discrepancy

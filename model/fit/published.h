@@ -1,0 +1,46 @@
+// The experiments behind published tables, simulated.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/model.h"
+#include "model/simulator.h"
+#include "protocols/waveform.h"
+#include "recordings/tables/comparison.h"
+
+namespace ferrobench::model {
+
+class PublishedExperiments {
+ public:
+  // `parameters` override those of the protocols (for example rate).
+  explicit PublishedExperiments(const std::vector<std::string>& tables,
+                                const std::map<std::string, double>& parameters = {});
+
+  // Each table with what the model gives for its cells, in the order of tables().
+  std::vector<recordings::Comparison> simulate(const Model& model, const SimulationOptions& options) const;
+  std::vector<recordings::PublishedTable> tables() const;
+  double duration() const;  // of the longest run, s
+
+  struct Run {
+    protocols::Waveform waveform;
+    std::optional<double> spring_stiffness, prestress;
+  };
+
+ private:
+  // Tables of one protocol share its runs.
+  struct Group {
+    std::string protocol;
+    std::vector<Run> runs;
+    std::vector<recordings::PublishedTable> tables;
+  };
+  std::vector<Group> groups_;
+};
+
+// ln(measured / published), level below 2 % of the published value: a change that passes through zero has no
+// logarithm.
+double log_error(const recordings::ComparedCell& cell);
+
+}  // namespace ferrobench::model
