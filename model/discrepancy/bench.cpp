@@ -343,7 +343,7 @@ std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings)
   const std::size_t n = recordings.size();
   std::vector<bool> out(n, false);
   if (n < 3) return out;
-  // What a recording can show: its kinds of stretch, its load, and the decade of its rate.
+  // What a recording can show: its kinds of stretch, its load, and the decade of its duration.
   std::vector<std::set<std::string>> shows(n);
   for (std::size_t i = 0; i < n; ++i) {
     const auto& r = recordings[i];
@@ -352,6 +352,7 @@ std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings)
     for (const auto& [s, count] : counts)
       if (50 * count > r.stretch.size()) shows[i].insert(std::string(stretch_name(s)));
     shows[i].insert("prestress " + std::to_string(std::lround(r.header.load.prestress / 1e5)));
+    shows[i].insert("spring " + std::to_string(std::lround(r.header.load.spring_stiffness / 1e4)));
     shows[i].insert("decade " + std::to_string(std::lround(std::log10(r.duration()))));
   }
   const std::size_t take = std::max<std::size_t>(1, n / 4);

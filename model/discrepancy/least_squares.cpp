@@ -7,6 +7,8 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr double difference = 0.1;  // in z
+// A sum of squares so many times its number is no minimum that anything is told from.
+constexpr double worth_the_last_steps = 1.3;
 
 double priors(const Hypothesis& h, const Eigen::VectorXd& z) {
   double sum = 0;
@@ -137,6 +139,20 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
     }
   }
   return out;
+}
+
+void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::function<void()>& tick) {
+  correct(misfit, fine, f);
+  f = fit(misfit, f.hypothesis, f.z, {.iterations = 12, .refreshes = 2, .enough = 1, .tick = tick}, &f);
+  refresh(misfit, f);
+  if (f.squares < worth_the_last_steps * static_cast<double>(misfit.size())) {
+    f.correction.resize(0);
+    // The last steps by the fine simulation itself, with the usual one's slopes and what they learn on the
+    // way.
+    f = fit(fine, f.hypothesis, f.z, {.iterations = 15, .refreshes = 0, .enough = 0.5, .tick = tick}, &f);
+    correct(misfit, fine, f);
+    refresh(misfit, f);
+  }
 }
 
 Projection::Projection(const Fit& fit) : fit_(fit), factor_(fit.normal()), gradient_(fit.gradient()) {}

@@ -33,6 +33,9 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
         const Fit* like = nullptr);
 // Makes the correction anew at the fit's z.
 void correct(const Misfit& misfit, const Misfit& fine, Fit& fit);
+// On from where the fit stands until it ends where the fine simulation has its minimum; the Jacobian is fresh
+// then, the residual that of the fine simulation.
+void settle(const Misfit& misfit, const Misfit& fine, Fit& fit, const std::function<void()>& tick);
 // Makes the Jacobian anew at the fit's z.
 void refresh(const Misfit& misfit, Fit& fit);
 

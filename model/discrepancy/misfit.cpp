@@ -10,7 +10,7 @@ namespace {
 
 constexpr double believed_offset = 0.03;  // of the range
 // An effect that makes the model stiffer than this is not the one that is looked for.
-constexpr std::uint64_t dearer_at_most = 25, few_steps = 20000;
+constexpr std::uint64_t dearer_at_most = 12, few_steps = 5000;
 
 }  // namespace
 

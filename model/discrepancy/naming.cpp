@@ -7,8 +7,9 @@
 namespace ferrobench::model::discrepancy {
 namespace {
 
-constexpr std::size_t most_refits = 10, most_firsts = 3, most_seconds = 4;
+constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3;
 constexpr double small_against = 0.004;
+constexpr double astray = 1.2;  // sum of squares over their number
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
                                    const std::vector<const Effect*>& some) {
@@ -16,6 +17,14 @@ std::vector<const Effect*> without(const std::vector<const Effect*>& all,
   for (const auto* e : all)
     if (std::ranges::find(some, e) == some.end()) out.push_back(e);
   return out;
+}
+
+// The base parameters as given, effects as they stand.
+Eigen::VectorXd at_rest(const Hypothesis& hypothesis, const Fit& from) {
+  Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hypothesis.coordinates.size()));
+  for (Eigen::Index i = static_cast<Eigen::Index>(hypothesis.base_count); i < from.z.size(); ++i)
+    z[i] = from.z[i];
+  return z;
 }
 
 Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screened& s,
@@ -29,6 +38,14 @@ Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screen
   // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base stands.
   if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
   out.fit = fit(misfit, hypothesis, z, limits, &from);
+  // Without the effect the parameters may have gone far astray; with it, what was given may be the better
+  // start.
+  if (from.squares > astray * static_cast<double>(misfit.size())) {
+    auto again = limits;
+    again.refreshes = 2;
+    auto other = fit(misfit, hypothesis, at_rest(hypothesis, from), again);
+    if (other.squares < out.fit.squares) out.fit = std::move(other);
+  }
   out.drop = base.squares - out.fit.squares;
   return out;
 }
@@ -37,12 +54,7 @@ Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screen
 void polish(const Misfit& misfit, const Misfit& fine, const Fit& base, Trial& t,
             const std::function<void()>& tick) {
   if (t.polished) return;
-  correct(misfit, fine, t.fit);
-  auto end = fit(misfit, t.fit.hypothesis, t.fit.z,
-                 {.iterations = 20, .refreshes = 3, .enough = 1, .tick = tick}, &t.fit);
-  correct(misfit, fine, end);
-  refresh(misfit, end);
-  t.fit = std::move(end);
+  settle(misfit, fine, t.fit, tick);
   t.drop = base.squares - t.fit.squares;
   t.polished = true;
 }
@@ -73,7 +85,7 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
     polish(misfit, fine, base, t, [&] { tick("is it enough", from); });
     auto more =
         screen(misfit, t.fit,
-               {.effects = without(options.candidates, t.effects), .rounds = 4, .tick = [&](double f) {
+               {.effects = without(options.candidates, t.effects), .rounds = 3, .tick = [&](double f) {
                   tick("is it enough", from + (to - from) * f);
                 }});
     t.checked = true;
@@ -102,7 +114,7 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
   // Which is best is told by those near the top, fitted to the end.
   const double near = std::max(3 * options.second, 0.05 * out.trials.front().drop);
   const double top = score(out.trials.front(), samples);
-  for (std::size_t i = 0; i < std::min(out.trials.size(), most_firsts); ++i)
+  for (std::size_t i = 0; i < std::min(out.trials.size(), most_best); ++i)
     if (i == 0 || score(out.trials[i], samples) > top - near)
       polish(misfit, fine, base, out.trials[i], [&] { tick("comparing the best", 0.5); });
   best_first();
@@ -136,8 +148,8 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
     }
     std::ranges::stable_sort(
         pairs, [&](const Trial& a, const Trial& b) { return score(a, samples) > score(b, samples); });
-    for (std::size_t i = 0; i < std::min<std::size_t>(2, pairs.size()); ++i) {
-      check(pairs[i], 0.85 + 0.05 * static_cast<double>(i), 0.9 + 0.05 * static_cast<double>(i));
+    for (std::size_t i = 0; i < std::min(most_pairs, pairs.size()); ++i) {
+      check(pairs[i], 0.85 + 0.04 * static_cast<double>(i), 0.89 + 0.04 * static_cast<double>(i));
       if (pairs[i].left < allowed_left(options, pairs[i].drop)) break;
     }
     out.trials.insert(out.trials.end(), std::make_move_iterator(pairs.begin()),

@@ -9,35 +9,29 @@ namespace {
 
 constexpr int base_starts = 5;
 
-// From the given model, and roughly from other starts: one of them may lead to a better minimum.
-Fit fit_base(const Misfits& misfits, const Hypothesis& base, const SearchOptions& options, Health& health) {
-  const auto& [rough, misfit, fine] = misfits;
+// From the given model and from other starts: one of them may lead to a better minimum.
+Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, const SearchOptions& options,
+             Health& health) {
   std::mt19937_64 random(options.seed);
   std::normal_distribution<double> normal;
-  const auto n = static_cast<Eigen::Index>(base.coordinates.size());
-  FitLimits limits{.iterations = 20, .refreshes = 4, .enough = 0.5, .tick = {}};
+  FitLimits limits{.iterations = 20, .refreshes = 3, .enough = 5, .tick = {}};
   limits.tick = [&] { options.tick("recalibrating the model", 0.03); };
-  Fit best = fit(misfit, base, Eigen::VectorXd::Zero(n), limits);
-  const FitLimits quick{.iterations = 8, .refreshes = 2, .enough = 5, .tick = limits.tick};
-  const double reached = fit(rough, base, best.z, quick).squares;
+  Fit best = fit(misfit, base, at_rest(base), limits);
+  const double first = best.squares;
   double least = std::numeric_limits<double>::infinity();
+  limits.iterations = 8;
+  limits.refreshes = 2;
   for (int start = 1; start < base_starts; ++start) {
-    Eigen::VectorXd z(n);
-    for (Eigen::Index i = 0; i < n; ++i) z[i] = normal(random);
+    auto z = at_rest(base);
+    for (double& v : z) v = normal(random);
     limits.tick = [&] { options.tick("recalibrating from other starts", 0.1 + 0.15 * start / base_starts); };
-    const auto other = fit(rough, base, z, quick);
+    auto other = fit(misfit, base, z, limits);
     least = std::min(least, other.squares);
-    if (other.squares > 0.98 * reached) continue;
-    auto better = fit(misfit, base, other.z, limits);
-    if (better.squares < best.squares) best = std::move(better);
+    if (other.squares < 0.98 * best.squares) best = std::move(other);
   }
-  correct(misfit, fine, best);
-  limits.tick = [&] { options.tick("recalibrating the model", 0.27); };
-  best = fit(misfit, base, best.z, limits, &best);
-  correct(misfit, fine, best);
-  refresh(misfit, best);
+  settle(misfit, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
   health.starts = base_starts;
-  health.start_spread = (least - reached) / reached;
+  health.start_spread = (least - first) / first;
   return best;
 }
 
@@ -119,37 +113,38 @@ Eigen::VectorXd at_rest(const Hypothesis& h) {
 }
 
 SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
-                                    Health& health) {
-  constexpr double hardly = 0.12;  // of the noise; what there is of it is corrected for
-  const auto fine = at(fine_simulation);
+                                    const SimulationOptions& fine, Health& health) {
+  constexpr double well_below = 0.35;  // of the noise; what there is of it is corrected for
+  const auto exact = at(fine);
   const auto apart = [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return (a - b).norm() / std::sqrt(static_cast<double>(std::max<Eigen::Index>(1, a.size())));
   };
   SimulationOptions out;
   for (const auto& [tolerance, domains] :
-       {std::pair{1e-3, 250}, {3e-4, 500}, {3e-4, 1000}, {1e-4, 1000}, {1e-4, 2000}, {5e-5, 4000}}) {
+       {std::pair{1e-4, 250}, {1e-4, 500}, {1e-4, 1000}, {1e-4, 2000}, {5e-5, 4000}}) {
     out = {.tolerance = tolerance, .domains = domains};
-    if (apart(at(out), fine) < hardly) break;
+    if (apart(at(out), exact) < well_below) break;
   }
   // Two lattices of domains differ by what either is wrong.
-  auto other = fine_simulation;
+  auto other = fine;
   other.shift = 3;
-  health.numerical_error_over_noise = apart(at(other), fine) / std::sqrt(2.0);
+  health.numerical_error_over_noise = apart(at(other), exact) / std::sqrt(2.0);
   if (health.numerical_error_over_noise > 0.05)
     health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
   return out;
 }
 
-Search search(const Misfits& misfits, const Hypothesis& base, const SearchOptions& options, Health& health) {
+Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, const SearchOptions& options,
+              Health& health) {
   Search out;
-  out.samples = static_cast<double>(misfits.usual.size());
-  out.base = fit_base(misfits, base, options, health);
+  out.samples = static_cast<double>(misfit.size());
+  out.base = fit_base(misfit, fine, base, options, health);
   out.options = {.candidates = options.candidates,
                  .detect = 60,
                  .second = 60,
                  .beyond_effects = options.beyond_effects,
                  .tick = [&](const std::string& stage, double f) { options.tick(stage, 0.3 + 0.6 * f); }};
-  out.naming = find_names(misfits.usual, misfits.fine, out.base, out.options);
+  out.naming = find_names(misfit, fine, out.base, out.options);
   out.options.tick = {};
   out.judgement = judge(out.naming, out.options, out.samples);
   const auto verdict = out.judgement.verdict;

@@ -11,9 +11,10 @@ namespace ferrobench::model::discrepancy {
 // got and that mean something for it.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
 
-// The cheapest simulation whose own error hardly shows: `at` gives the residuals that a simulation leads to.
+// The cheapest simulation whose own error is well below the noise: `at` gives the residuals that a simulation
+// leads to. The error of `fine`, which corrects it, goes to `health`.
 SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
-                                    Health& health);
+                                    const SimulationOptions& fine, Health& health);
 // Where nothing has moved.
 Eigen::VectorXd at_rest(const Hypothesis& hypothesis);
 
@@ -36,15 +37,9 @@ struct Search {
   const Fit& after() const { return best != nullptr ? best->fit : base; }
 };
 
-// The same misfit three times: rough for the recalibration's other starts, usual for fits, fine to correct
-// them by.
-struct Misfits {
-  const Misfit &rough, &usual, &fine;
-};
-inline constexpr SimulationOptions rough_simulation{.tolerance = 1e-3, .domains = 250};
-inline constexpr SimulationOptions fine_simulation{.tolerance = 3e-5, .domains = 8000, .shift = 7};
-
-Search search(const Misfits& misfits, const Hypothesis& base, const SearchOptions& options, Health& health);
+// `misfit` by the simulation that was chosen, `fine` the same by the fine one.
+Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, const SearchOptions& options,
+              Health& health);
 
 // What the search says of effects, parameters and models.
 void tell(const Search& search, Discovery& out);
