@@ -16,6 +16,7 @@ using recordings::Channel;
 using recordings::Recording;
 
 constexpr std::size_t most_knots = 4000;  // of a drive
+constexpr std::size_t most_levels = 80;   // whose uncertainty is followed up
 
 [[noreturn]] void refuse(const std::string& name, const std::string& path, const std::string& message,
                          const std::string& hint = "") {
@@ -54,6 +55,45 @@ std::vector<std::size_t> chords(const std::vector<double>& time, const std::vect
   return out;
 }
 
+// The levels of the knots by least squares over all samples of the measured field, and what its noise leaves
+// uncertain of them.
+void fit_levels(BenchRecording& out, const Recording& r) {
+  const auto& field = r.at(Channel::field);
+  const auto n = static_cast<Eigen::Index>(out.level_of.back() + 1);
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd along = Eigen::VectorXd::Zero(n);
+  std::vector<double> known;
+  std::size_t knot = 1;
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    if (!std::isfinite(field[i])) continue;
+    known.push_back(field[i]);
+    const double t = r.time[i] - r.time.front();
+    while (knot + 1 < out.knot_time.size() && t > out.knot_time[knot]) ++knot;
+    const double u = (t - out.knot_time[knot - 1]) / (out.knot_time[knot] - out.knot_time[knot - 1]);
+    const Eigen::Index a = static_cast<Eigen::Index>(out.level_of[knot - 1]),
+                       b = static_cast<Eigen::Index>(out.level_of[knot]);
+    const double wa = a == b ? 0.5 : 1 - u, wb = a == b ? 0.5 : u;
+    normal(a, a) += wa * wa;
+    normal(b, b) += wb * wb;
+    normal(a, b) += wa * wb;
+    normal(b, a) += wa * wb;
+    along[a] += wa * field[i];
+    along[b] += wb * field[i];
+  }
+  normal.diagonal().array() += 1e-9;
+  const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+  const Eigen::VectorXd levels = factor.solve(along);
+  for (const std::size_t level : out.level_of)
+    out.knot_field.push_back(levels[static_cast<Eigen::Index>(level)]);
+  if (out.level_of.back() >= most_levels) {
+    out.level_of.clear();
+    return;
+  }
+  // normal = L L^T, so noise * L^-T has the covariance of the levels.
+  out.level_error = recordings::estimate_noise(known) *
+                    Eigen::MatrixXd(factor.matrixU().solve(Eigen::MatrixXd::Identity(n, n)));
+}
+
 // The drive as knots: the command at its corners, or the lines that its measured field runs along.
 void set_drive(BenchRecording& out, const Recording& r) {
   const double origin = r.time.front();
@@ -77,24 +117,18 @@ void set_drive(BenchRecording& out, const Recording& r) {
   } else {
     const auto segments = recordings::infer_segments(r);
     if (segments.empty()) refuse(out.name, path_of(Channel::field), "has fewer than two finite values");
-    const auto& field = r.at(Channel::field);
     const auto at = [&](std::int64_t i) { return r.time[static_cast<std::size_t>(i)] - origin; };
-    // Where the first line starts: the mean of what its own end and rate say.
-    const auto& first = segments.front();
-    std::vector<double> head_time, head;
-    for (auto i = first.start_sample; i <= first.end_sample; ++i) {
-      head_time.push_back(at(i));
-      head.push_back(field[static_cast<std::size_t>(i)]);
-    }
     out.knot_time.push_back(0);
-    out.knot_field.push_back(recordings::fit_line(head_time, head).at(0));
+    out.level_of.push_back(0);
     for (const auto& s : segments) {
       const double end = &s == &segments.back() ? r.time.back() - origin : at(s.end_sample);
       if (end <= out.knot_time.back()) continue;
       out.knot_time.push_back(end);
-      out.knot_field.push_back(s.level);
+      out.level_of.push_back(out.level_of.back() + (s.kind == "hold" ? 0 : 1));
     }
+    fit_levels(out, r);
   }
+  if (!out.has_command) return;
   if (out.knot_time.front() > 0) {
     out.knot_time.insert(out.knot_time.begin(), 0);
     out.knot_field.insert(out.knot_field.begin(), out.knot_field.front());

@@ -2,6 +2,7 @@
 // each row put into the kind of segment that it lies in.
 #pragma once
 
+#include <Eigen/Dense>
 #include <array>
 #include <string>
 #include <vector>
@@ -41,8 +42,12 @@ struct BenchRecording {
   recordings::Header header;
   bool has_command = false;
   std::vector<double> knot_time, knot_field;  // the drive, linear between its knots
-  std::vector<double> time;                   // of the rows, from the first sample
-  std::vector<Stretch> stretch;               // of the rows
+  // Where the drive was read from the measured field: the knots' levels are as good as the field's noise lets
+  // them be. levels = knot_field + error[level_of[knot]], error = level_error * (independent unit normals).
+  std::vector<std::size_t> level_of;  // of the knots; both ends of a hold share one. Empty: known
+  Eigen::MatrixXd level_error;
+  std::vector<double> time;      // of the rows, from the first sample
+  std::vector<Stretch> stretch;  // of the rows
   std::vector<MeasuredChannel> channels;
 
   double duration() const { return knot_time.back(); }

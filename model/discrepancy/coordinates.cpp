@@ -8,7 +8,7 @@
 namespace ferrobench::model::discrepancy {
 namespace {
 
-constexpr double known_to = 0.12, factor_known_to = 0.05, gain_known_to = 0.03;
+constexpr double known_to = 0.12, factor_known_to = 0.05, gain_known_to = 0.03, offset_known_to = 0.03;
 constexpr double farthest = 12;  // in prior standard deviations
 
 Coordinate with_prior(std::string path, double from, double scale) {
@@ -26,7 +26,7 @@ double Coordinate::slope(double z) const {
 }
 
 bool Coordinate::of_model() const {
-  return !path.starts_with("gain.") && !path.starts_with("factor.");
+  return !path.starts_with("gain.") && !path.starts_with("factor.") && !path.starts_with("offset.");
 }
 
 Setting setting_at(const Hypothesis& h, const Eigen::VectorXd& z) {
@@ -41,11 +41,23 @@ Setting setting_at(const Hypothesis& h, const Eigen::VectorXd& z) {
       out.spring_factor = value;
     else if (c.path == "factor.prestress")
       out.prestress_factor = value;
+    else if (c.path == "offset.field")
+      out.field_offset = value;
     else
       for (std::size_t k = 0; k < compared_channels.size(); ++k)
         if (c.path.substr(5) == recordings::channel_name(compared_channels.at(k))) out.gain.at(k) = value;
   }
   out.model = with_parameters(h.model, values);
+  return out;
+}
+
+BenchRecording under(const Setting& setting, const BenchRecording& recording) {
+  auto out = recording;
+  out.header.load.spring_stiffness *= setting.spring_factor;
+  out.header.load.prestress *= setting.prestress_factor;
+  static_assert(compared_channels[0] == recordings::Channel::field);
+  if (!out.has_command)
+    for (double& e : out.knot_field) e = (e - setting.field_offset) / setting.gain[0];
   return out;
 }
 
@@ -65,10 +77,26 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
     out.coordinates.push_back(with_prior("factor.spring_stiffness", 1, factor_known_to));
   if (any([](const BenchRecording& r) { return r.header.load.prestress > 0; }))
     out.coordinates.push_back(with_prior("factor.prestress", 1, factor_known_to));
+  const auto driven_by_field = [](const BenchRecording& r) { return !r.has_command; };
   for (const auto channel : compared_channels)
-    if (any([channel](const BenchRecording& r) { return r.find(channel) != nullptr; }))
+    if (any([channel](const BenchRecording& r) { return r.find(channel) != nullptr; }) ||
+        (channel == recordings::Channel::field && any(driven_by_field)))
       out.coordinates.push_back(
           with_prior("gain." + std::string(recordings::channel_name(channel)), 1, gain_known_to));
+  if (any(driven_by_field)) {
+    double low = 0, high = 0;
+    for (const auto& r : bench)
+      for (const double e : r.knot_field) {
+        low = std::min(low, e);
+        high = std::max(high, e);
+      }
+    out.coordinates.push_back({.path = "offset.field",
+                               .from = 0,
+                               .scale = offset_known_to * (high - low),
+                               .logarithmic = false,
+                               .low = -farthest,
+                               .high = farthest});
+  }
   out.base_count = out.coordinates.size();
   return out;
 }

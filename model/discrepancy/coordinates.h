@@ -4,6 +4,7 @@
 //   base parameters, effects that the model has already:   ln(value / given) = 0.12 z       (12 %)
 //   factors on each recording's spring and prestress:      ln(factor) = 0.05 z
 //   gains of the channels:                                 ln(gain) = 0.03 z
+//   offset of the field, where it is the drive:            offset = 0.03 range z
 //   the effect that is tried:                              no prior
 #pragma once
 
@@ -39,8 +40,12 @@ struct Setting {
   Model model;
   std::array<double, compared_channels.size()> gain{1, 1, 1, 1};  // by compared_channels
   double spring_factor = 1, prestress_factor = 1;
+  double field_offset = 0;  // of the measured field
 };
 Setting setting_at(const Hypothesis& hypothesis, const Eigen::VectorXd& z);
+// The recording with the load that the setting says it had, and, where no command was recorded, the drive
+// that its measured field says: measured = gain * field + offset.
+BenchRecording under(const Setting& setting, const BenchRecording& recording);
 
 // The base model: material, polycrystal, passive layers and effects that it has, factors and gains.
 Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>& bench);

@@ -99,12 +99,17 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
             .residuals(hypothesis, at_rest(hypothesis));
       },
       fine_simulation, s.out.health);
-  const RecordingMisfit misfit(s.bench, s.noise, s.train, simulation, s.threads);
-  const RecordingMisfit fine(s.bench, s.noise, s.train, fine_simulation, s.threads);
+  RecordingMisfit misfit(s.bench, s.noise, s.train, simulation, s.threads);
+  RecordingMisfit fine(s.bench, s.noise, s.train, fine_simulation, s.threads);
   const auto found =
       search(misfit, fine, hypothesis,
              {.candidates = candidates,
               .seed = options.seed,
+              .roughly_fitted =
+                  [&](const Fit& f) {
+                    misfit.allow_for_drives(f.hypothesis, f.z);
+                    fine.allow_as(misfit);
+                  },
               .beyond_effects = [&](const Fit& f) { return explained_by_signals(misfit, f).beyond_chance; },
               .tick = [&](const std::string& stage, double f) { s.tick(stage, f); }},
              s.out.health);

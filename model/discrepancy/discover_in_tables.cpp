@@ -88,6 +88,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   const auto found = search(misfit, fine, hypothesis,
                             {.candidates = candidates_of(base, options.candidates),
                              .seed = options.seed,
+                             .roughly_fitted = {},
                              .beyond_effects = {},
                              .tick = tick},
                             out.health);

@@ -1,5 +1,6 @@
 #include "model/discrepancy/misfit.h"
 
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <mutex>
@@ -11,6 +12,11 @@ namespace {
 constexpr double believed_offset = 0.03;  // of the range
 // An effect that makes the model stiffer than this is not the one that is looked for.
 constexpr std::uint64_t dearer_at_most = 12, few_steps = 5000;
+
+double gain_of(const Setting& setting, recordings::Channel channel) {
+  const auto k = std::ranges::find(compared_channels, channel) - compared_channels.begin();
+  return setting.gain.at(static_cast<std::size_t>(k));
+}
 
 }  // namespace
 
@@ -109,24 +115,16 @@ Misfit::Times RecordingMisfit::times() const {
 
 std::vector<std::vector<double>> RecordingMisfit::channels(const Setting& setting,
                                                            std::size_t recording) const {
-  BenchRecording moved;
-  const BenchRecording* at = &bench_[recording];
-  if (setting.spring_factor != 1 || setting.prestress_factor != 1) {
-    moved = *at;
-    moved.header.load.spring_stiffness *= setting.spring_factor;
-    moved.header.load.prestress *= setting.prestress_factor;
-    at = &moved;
-  }
+  const auto at = under(setting, bench_[recording]);
   auto options = simulation();
   auto& usual = usual_steps_[recording];
   if (usual > 0) options.most_steps = few_steps + dearer_at_most * usual;
   SimulationStatistics statistics;
-  auto out = simulate_bench(setting.model, *at, options, &statistics);
+  auto out = simulate_bench(setting.model, at, options, &statistics);
   if (usual == 0) usual = statistics.tried;
   for (std::size_t c = 0; c < out.size(); ++c)
-    for (std::size_t k = 0; k < compared_channels.size(); ++k)
-      if (at->channels[c].channel == compared_channels.at(k) && setting.gain.at(k) != 1)
-        for (double& v : out[c]) v *= setting.gain.at(k);
+    if (const double gain = gain_of(setting, at.channels[c].channel); gain != 1)
+      for (double& v : out[c]) v *= gain;
   return out;
 }
 
@@ -157,6 +155,66 @@ void RecordingMisfit::fill(const Setting& setting, std::size_t position, Eigen::
     }
     finish(b, part);
   }
+  if (!allowances_.empty()) allow(allowances_[position], out);
+}
+
+void RecordingMisfit::allow(const Allowance& a, Eigen::Ref<Eigen::VectorXd> column) {
+  if (a.share.size() == 0) return;
+  auto part = column.segment(a.begin, a.count);
+  const Eigen::VectorXd along = a.share.asDiagonal() * (a.directions.transpose() * part);
+  part -= a.directions * along;
+}
+
+void RecordingMisfit::allow(Eigen::Ref<Eigen::VectorXd> column) const {
+  for (const auto& a : allowances_) allow(a, column);
+}
+
+void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen::VectorXd& at) {
+  allowances_.clear();
+  if (std::ranges::none_of(chosen_, [&](std::size_t r) { return !bench_[r].level_of.empty(); })) return;
+  const auto setting = setting_at(hypothesis, at);
+  std::vector<Allowance> found(chosen_.size());
+  in_parallel(chosen_.size(), threads(), [&](std::size_t position) {
+    const auto& r = bench_[chosen_[position]];
+    const auto [first, last] = blocks_of_[position];
+    auto& a = found[position];
+    if (r.level_of.empty() || first == last) return;
+    a.begin = blocks_[first].begin;
+    a.count = blocks_[last - 1].begin + blocks_[last - 1].count - a.begin;
+    const auto column_of = [&](const BenchRecording& drive) {
+      const auto simulated = simulate_bench(setting.model, under(setting, drive), simulation());
+      Eigen::VectorXd out(a.count);
+      for (std::size_t b = first; b < last; ++b) {
+        auto part = out.segment(blocks_[b].begin - a.begin, blocks_[b].count);
+        const double gain = gain_of(setting, r.channels[blocks_[b].channel].channel);
+        for (std::size_t i = 0; i < blocks_[b].rows.size(); ++i)
+          part[static_cast<Eigen::Index>(i)] = gain * simulated[blocks_[b].channel][blocks_[b].rows[i]];
+        finish(b, part);
+      }
+      return out;
+    };
+    const Eigen::VectorXd rest = column_of(r);
+    Eigen::MatrixXd columns(a.count, r.level_error.cols());
+    for (Eigen::Index k = 0; k < columns.cols(); ++k) {
+      auto moved = r;
+      for (std::size_t knot = 0; knot < moved.knot_field.size(); ++knot)
+        moved.knot_field[knot] += r.level_error(static_cast<Eigen::Index>(r.level_of[knot]), k);
+      columns.col(k) = column_of(moved) - rest;
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(columns.transpose() * columns);
+    std::vector<Eigen::Index> used;
+    for (Eigen::Index k = 0; k < columns.cols(); ++k)
+      if (eigen.eigenvalues()[k] > 1e-4) used.push_back(k);
+    a.directions.resize(a.count, static_cast<Eigen::Index>(used.size()));
+    a.share.resize(static_cast<Eigen::Index>(used.size()));
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      const double square = eigen.eigenvalues()[used[i]];
+      a.directions.col(static_cast<Eigen::Index>(i)) =
+          columns * eigen.eigenvectors().col(used[i]) / std::sqrt(square);
+      a.share[static_cast<Eigen::Index>(i)] = 1 - 1 / std::sqrt(1 + square);
+    }
+  });
+  allowances_ = std::move(found);
 }
 
 Eigen::VectorXd RecordingMisfit::whiten(const Block& block, const std::vector<double>& signal) const {

@@ -75,6 +75,14 @@ class RecordingMisfit final : public Misfit {
   std::vector<double> tones(const Eigen::VectorXd& residual, const EffectParameter& range,
                             std::size_t count) const override;
 
+  // Drives that were read from a measured field are uncertain, and what that does to the residuals is no
+  // misfit: the residuals become those of the marginal likelihood over the drives' levels, linear around
+  // `at`.
+  void allow_for_drives(const Hypothesis& hypothesis, const Eigen::VectorXd& at);
+  void allow_as(const RecordingMisfit& other) { allowances_ = other.allowances_; }
+  // That on a column that was put together from whiten().
+  void allow(Eigen::Ref<Eigen::VectorXd> column) const;
+
   // A signal in SI of one block's rows (of the recording's length) as it would enter the residual.
   Eigen::VectorXd whiten(const Block& block, const std::vector<double>& signal) const;
   // What the hypothesis gives for a recording's channels in SI, gains and factors included, offset too.
@@ -99,6 +107,14 @@ class RecordingMisfit final : public Misfit {
   const std::vector<std::vector<NoiseModel>>& noise_;
   std::vector<std::size_t> chosen_;
   std::vector<Block> blocks_;
+  // r - directions * diag(share) * directions^T r, on the rows of one recording.
+  struct Allowance {
+    Eigen::Index begin = 0, count = 0;
+    Eigen::MatrixXd directions;
+    Eigen::VectorXd share;
+  };
+  static void allow(const Allowance& a, Eigen::Ref<Eigen::VectorXd> column);
+  std::vector<Allowance> allowances_;  // by position in chosen_, or none
   std::vector<Prepared> prepared_;
   std::vector<std::pair<std::size_t, std::size_t>> blocks_of_;  // by position in chosen_: first, past last
   // By recording of the bench: steps that its first simulation took, which bounds all others.

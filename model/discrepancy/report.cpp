@@ -97,8 +97,13 @@ std::string gap_sentence(const std::string& on, const Gap& g) {
 std::vector<std::string> moved(const Discovery& d) {
   std::vector<std::string> out;
   for (const auto& [path, r] : d.recalibrated) {
+    if (std::abs(r.to - r.from) < 2 * r.std) continue;
+    if (r.from == 0) {
+      out.push_back(fmt::format("{} {:.4g} ± {:.2g}", path, r.to, r.std));
+      continue;
+    }
     const double share = r.to / r.from - 1;
-    if (std::abs(r.to - r.from) < 2 * r.std || std::abs(share) < 0.005) continue;
+    if (std::abs(share) < 0.005) continue;
     out.push_back(
         fmt::format("{} {:+.1f} % ({:.4g} to {:.4g}, ± {:.2g})", path, 100 * share, r.from, r.to, r.std));
   }

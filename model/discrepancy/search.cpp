@@ -29,6 +29,10 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
     least = std::min(least, other.squares);
     if (other.squares < 0.98 * best.squares) best = std::move(other);
   }
+  if (options.roughly_fitted) {
+    options.roughly_fitted(best);
+    best = fit(misfit, base, best.z, limits);
+  }
   settle(misfit, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
   health.starts = base_starts;
   health.start_spread = (least - first) / first;

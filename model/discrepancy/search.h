@@ -21,6 +21,8 @@ Eigen::VectorXd at_rest(const Hypothesis& hypothesis);
 struct SearchOptions {
   std::vector<const Effect*> candidates;
   std::uint64_t seed = 1;
+  // Called once the base model stands roughly; changes the residuals.
+  std::function<void(const Fit&)> roughly_fitted;
   // What functions of the signals would still take off the sum of squares; absent: not asked.
   std::function<double(const Fit&)> beyond_effects;
   std::function<void(const std::string& stage, double fraction)> tick;

@@ -23,13 +23,10 @@ struct States {
 };
 
 States states_of(const RecordingMisfit& misfit, const Fit& fit, std::size_t recording) {
-  const auto& r = misfit.bench()[recording];
   const auto setting = setting_at(fit.hypothesis, fit.z);
-  auto header = r.header;
-  header.load.spring_stiffness *= setting.spring_factor;
-  header.load.prestress *= setting.prestress_factor;
+  const auto r = under(setting, misfit.bench()[recording]);
   States s;
-  s.model = model_for(setting.model, header);
+  s.model = model_for(setting.model, r.header);
   s.time = r.time;
   for (auto* column : {&s.field, &s.charge, &s.displacement, &s.force, &s.stress, &s.plus, &s.minus})
     column->resize(r.time.size());
@@ -44,7 +41,7 @@ States states_of(const RecordingMisfit& misfit, const Fit& fit, std::size_t reco
                .fraction_plus = s.plus,
                .fraction_minus = s.minus},
               misfit.simulation());
-  s.stiffness = header.load.spring_stiffness;
+  s.stiffness = r.header.load.spring_stiffness;
   const auto& a = s.model.actuator;
   s.back = 1 / (1 + s.stiffness * s.model.material.compliance_180 * a.length / a.area);
   return s;
@@ -218,6 +215,7 @@ Explained explained_by_signals(const RecordingMisfit& misfit, const Fit& fit) {
         basis.col(static_cast<Eigen::Index>(i)).segment(block.begin, block.count) =
             misfit.whiten(block, list->second[i]);
     }
+    for (Eigen::Index i = 0; i < basis.cols(); ++i) misfit.allow(basis.col(i));
     found[k].family = family;
     // Of equal weight, and without what the coordinates can do as well.
     Eigen::MatrixXd gram(count, count);

@@ -48,7 +48,7 @@ TEST(Bench, IsTheSameForTheSameSeed) {
   EXPECT_EQ(a.recordings[0].recording.at(Channel::charge), b.recordings[0].recording.at(Channel::charge));
 }
 
-TEST(Bench, CanBeWritten) {
+TEST(Bench, CanBeWrittenAndReadBack) {
   const auto folder = std::filesystem::path(testing::TempDir()) / "ferrobench-campaign";
   std::filesystem::remove_all(folder);
   const auto bench = make_bench(5, 2, Kind::withheld, coarse);
@@ -63,6 +63,18 @@ TEST(Bench, CanBeWritten) {
   const auto& [name, recording] = bench.recordings.front();
   const auto read = recordings::read_recording((folder / (name + ".h5")).string());
   EXPECT_EQ(read.at(Channel::force), recording.at(Channel::force));
+
+  const auto again = read_bench(folder.string());
+  EXPECT_EQ(again.kind, bench.kind);
+  EXPECT_EQ(again.candidates, bench.candidates);
+  EXPECT_EQ(again.families, bench.families);
+  ASSERT_EQ(again.effects.size(), bench.effects.size());
+  EXPECT_EQ(again.effects[0].parameters, bench.effects[0].parameters);
+  ASSERT_EQ(again.recordings.size(), bench.recordings.size());
+  for (std::size_t i = 0; i < again.recordings.size(); ++i) {
+    EXPECT_EQ(again.recordings[i].name, bench.recordings[i].name);
+    EXPECT_EQ(again.recordings[i].recording.time, bench.recordings[i].recording.time);
+  }
   std::filesystem::remove_all(folder);
 }
 
@@ -88,6 +100,25 @@ TEST(Score, CountsAnswers) {
   EXPECT_TRUE(answered({}, "ambiguous", {"a"}, 0.5, Kind::nothing).wrong_name());
   EXPECT_TRUE(answered({"x"}, "unknown", {}, 0.7, Kind::outside).right());
   EXPECT_TRUE(answered({"x"}, "named", {"a"}, 0.7, Kind::outside).wrong_name());
+}
+
+TEST(Score, OutcomesAreKeptInFiles) {
+  auto o = answered({"a", "b"}, "ambiguous", {"a"}, 0.6, Kind::pair);
+  o.index = 17;
+  o.coloured = true;
+  o.size = 3.5;
+  o.family = "drive";
+  o.family_right = true;
+  o.class_right = true;
+  o.parameter_errors = {0.1, 0.02};
+  o.before = 2;
+  o.after = 1.01;
+  o.seconds = 12;
+  const auto json = to_json(o);
+  const auto back = outcome_from_json(json);
+  EXPECT_EQ(to_json(back), json);
+  EXPECT_TRUE(back.class_right);
+  EXPECT_FALSE(outcome_from_json(to_json(answered({"x"}, "unknown", {}, 0.7, Kind::outside))).in_catalogue);
 }
 
 TEST(Score, CalibrationIsTheDistanceFromStatedToRight) {

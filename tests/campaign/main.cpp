@@ -1,4 +1,5 @@
 // ferrobench_campaign: simulated benches, the workflow run on each, and what came out.
+#include <algorithm>
 #include <atomic>
 #include <charconv>
 #include <chrono>
@@ -20,19 +21,21 @@ namespace {
 constexpr std::string_view usage =
     "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--jobs J] [--json OUT] [--write "
     "FOLDER | "
-    "--read FOLDER]\n"
+    "--read FOLDER] [--strict yes]\n"
     "  --kind   single | pair | nothing | moved | outside | withheld | coloured; without it a mixture\n"
     "  --first  index of the first bench\n"
     "  --jobs   benches at a time, which share the cores (1)\n"
     "  --json   the answers; those that OUT holds already are kept and not asked for again\n"
     "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n"
-    "  --read   take the benches from there\n";
+    "  --read   take the benches from there\n"
+    "  --strict yes: exit code 2 unless every answer is right\n";
 
 struct Arguments {
   int benches = 25, first = 0, jobs = 1;
   std::uint64_t seed = 1;
   std::optional<Kind> kind;
   std::string write, read, json;
+  bool strict = false;
 };
 
 Error bad(const std::string& name, const std::string& given, const std::string& wanted) {
@@ -69,6 +72,9 @@ Arguments parse(std::span<char*> words) {
       a.read = value;
     } else if (name == "--json") {
       a.json = value;
+    } else if (name == "--strict") {
+      if (value != "yes" && value != "no") throw bad(name, value, "yes or no");
+      a.strict = value == "yes";
     } else if (name == "--kind") {
       a.kind = kind_named(value);
     } else {
@@ -131,7 +137,7 @@ std::map<int, Outcome> answered(const Arguments& a) {
 }
 
 // Until done, or until Ctrl-C: then with what there is so far.
-void run_all(const Arguments& a) {
+std::vector<Outcome> run_all(const Arguments& a) {
   std::signal(SIGINT, [](int) { interrupted = 1; });
   auto outcomes = answered(a);
   const auto all = [&] {
@@ -175,6 +181,7 @@ void run_all(const Arguments& a) {
   }
   if (failure) std::rethrow_exception(failure);
   std::cout << text_of(all());
+  return all();
 }
 
 }  // namespace
@@ -184,8 +191,12 @@ int main(int argc, char** argv) {
   using namespace ferrobench;
   try {
     const auto arguments = campaign::parse({argv, static_cast<std::size_t>(argc)});
-    arguments.write.empty() ? campaign::run_all(arguments) : campaign::write_all(arguments);
-    return 0;
+    if (!arguments.write.empty()) {
+      campaign::write_all(arguments);
+      return 0;
+    }
+    const auto outcomes = campaign::run_all(arguments);
+    return arguments.strict && !std::ranges::all_of(outcomes, &campaign::Outcome::right) ? 2 : 0;
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';
     return 1;

@@ -8,6 +8,7 @@
 #include "model/discrepancy/discover.h"
 #include "model/discrepancy/noise.h"
 #include "model/discrepancy/report.h"
+#include "model/fit/fit.h"
 #include "model/fit/parameters.h"
 #include "model/simulator.h"
 
@@ -250,6 +251,46 @@ TEST(Whitening, MakesCorrelatedNoiseWhite) {
   }
   EXPECT_NEAR(square / 20000, 1, 0.04);
   EXPECT_NEAR(next / square, 0, 0.03);
+}
+
+double squares(const ChannelFigures& figures) {
+  double sum = 0;
+  for (const auto& [channel, value] : figures) sum += value * value;
+  return sum;
+}
+
+// The source's own measurements for a bench: what a single crystal lacks is a spread over the domains.
+TEST(DiscrepancyInTables, ASingleCrystalLacksASpread) {
+  const auto found = discover_in_tables(library_model("nec-single-crystal"), {"3.11", "3.12"});
+  ASSERT_TRUE(found.verdict == Verdict::named || found.verdict == Verdict::ambiguous) << text_report(found);
+  const auto& id = found.explanations.front().effects.front().id;
+  EXPECT_TRUE(id == "barrier_distribution" || id == "interaction_field_distribution") << text_report(found);
+  EXPECT_EQ(found.held_out.recordings, std::vector<std::string>{"8 MPa"});
+  EXPECT_LT(squares(found.train.after), 0.2 * squares(found.train.before));
+  EXPECT_LT(squares(found.held_out.after), 0.2 * squares(found.held_out.before));
+  ASSERT_EQ(found.cells.size(), 36U);
+  // The improved model gives the cells that the report says.
+  const auto cells = simulate_table(found.improved, "3.11", {}).cells;
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    if (found.cells[i].after > 0.1 * found.cells[i].published.published)
+      EXPECT_NEAR(cells[i].measured.value(), found.cells[i].after, 0.02 * found.cells[i].after) << i;
+}
+
+TEST(DiscrepancyInTables, ARateIndependentStageLacksRate) {
+  const auto found = discover_in_tables(library_model("mcl-op30-rate-independent"), {"3.13"});
+  ASSERT_TRUE(found.verdict == Verdict::named || found.verdict == Verdict::ambiguous) << text_report(found);
+  EXPECT_LT(squares(found.train.after), 0.2 * squares(found.train.before));
+  EXPECT_LT(squares(found.held_out.after), 0.5 * squares(found.held_out.before));
+  const auto strokes = simulate_table(found.improved, "3.13", {}).cells;
+  EXPECT_GT(strokes.front().measured.value(), 1.03 * strokes.back().measured.value());
+}
+
+TEST(DiscrepancyInTables, RefusesWhatIsNotThere) {
+  const auto model = library_model("mcl-op30");
+  EXPECT_THROW(discover_in_tables(model, {"3.14"}), Error);
+  EXPECT_THROW(discover_in_tables(model, {}), Error);
+  EXPECT_THROW(discover_in_tables(model, {"3.13"}, {.held_out = {"7 V/s"}, .candidates = {}, .progress = {}}),
+               Error);
 }
 
 }  // namespace

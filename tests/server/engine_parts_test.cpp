@@ -149,6 +149,47 @@ TEST_F(EngineTest, LimitsNotNamedStay) {
   EXPECT_EQ(rpc.call("limits.get", nullptr, caller), now);
 }
 
+TEST_F(EngineTest, DiscrepanciesAreSearchedForByJobs) {
+  Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  CallContext caller{.client = "one", .lease = "", .subscriber = nullptr};
+  const auto call = [&](const std::string& method, const json& params) {
+    return rpc.call(method, params, caller);
+  };
+  EXPECT_EQ(code_of([&] { call("discrepancy.start", {{"model", "soft-pzt"}}); }), ErrorCode::invalid_params);
+  EXPECT_EQ(code_of([&] { call("discrepancy.start", {{"recordings", {"none"}}}); }), ErrorCode::not_found);
+  EXPECT_EQ(code_of([&] { call("discrepancy.start", {{"tables", {"9.99"}}}); }), ErrorCode::not_found);
+  const auto wait = [&](const std::string& job, auto&& until) {
+    json status;
+    for (int i = 0; i < 60000; ++i, usleep(5000)) {
+      status = call("discrepancy.status", {{"job", job}});
+      if (until(status)) return status;
+    }
+    ADD_FAILURE() << status.dump();
+    return status;
+  };
+
+  const json stage{{"model", "mcl-op30-rate-independent"}, {"tables", {"3.13"}}, {"name", "found"}};
+  const std::string cancelled = call("discrepancy.start", stage)["job"];
+  wait(cancelled, [](const json& s) { return s["progress"].get<double>() > 0; });
+  EXPECT_EQ(code_of([&] { call("discrepancy.result", {{"job", cancelled}}); }), ErrorCode::bad_state);
+  call("job.cancel", {{"job", cancelled}});
+  wait(cancelled, [](const json& s) { return s["state"] == "cancelled"; });
+  EXPECT_EQ(code_of([&] { engine.store().model("found"); }), ErrorCode::not_found);
+
+  const std::string job = call("discrepancy.start", stage)["job"];
+  const auto status = wait(job, [](const json& s) { return s["state"] != "running"; });
+  ASSERT_EQ(status["state"], "complete") << status.dump();
+  EXPECT_TRUE(status["result"].is_null());
+  const json found = call("discrepancy.result", {{"job", job}});
+  EXPECT_FALSE(found["explanations"].empty());
+  EXPECT_EQ(engine.store().model("found"), found["model"]);
+  const json page = call("discrepancy.result", {{"job", job}, {"format", "html"}});
+  EXPECT_NE(page.get<std::string>().find("Table 3.13"), std::string::npos);
+  const auto other = engine.jobs().start("fit", [](Jobs::Handle&) { return json{}; });
+  EXPECT_EQ(code_of([&] { call("discrepancy.result", {{"job", other}}); }), ErrorCode::not_found);
+}
+
 TEST(Lease, RunsOut) {
   Lease lease;
   CallContext one{.client = "one", .lease = "", .subscriber = nullptr}, two = one;
