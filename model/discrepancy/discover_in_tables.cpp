@@ -13,7 +13,7 @@ using namespace discrepancy;
 
 namespace {
 
-// Cells are known to 0.25 % at best.
+// Cells are known to 0.5 % at best.
 constexpr SimulationOptions fine_for_tables{.tolerance = 1e-4, .domains = 2000, .shift = 7};
 
 std::vector<std::string> runs_of(const std::vector<TableCell>& cells) {
@@ -119,7 +119,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   }
   std::ranges::stable_sort(out.where, std::greater<>(), &Excess::excess);
   out.health.warnings.emplace_back(
-      "The bench is published tables: \"noise\" is how well their cells are known, 0.25 % of a stroke and 20 "
+      "The bench is published tables: \"noise\" is how well their cells are known, 0.5 % of a stroke and 20 "
       "% "
       "of a creep.");
   out.health.simulations = misfit.simulations();

@@ -8,7 +8,7 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3;
-constexpr double small_against = 0.004;
+constexpr double small_against = 0.0025;
 constexpr double astray = 1.2;  // sum of squares over their number
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
@@ -37,15 +37,12 @@ Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screen
   z.head(from.z.size()) = from.z - Projection(from).taken(s.response + from.residual);
   // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base stands.
   if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
-  out.fit = fit(misfit, hypothesis, z, limits, &from);
-  // Without the effect the parameters may have gone far astray; with it, what was given may be the better
-  // start.
-  if (from.squares > astray * static_cast<double>(misfit.size())) {
-    auto again = limits;
-    again.refreshes = 2;
-    auto other = fit(misfit, hypothesis, at_rest(hypothesis, from), again);
-    if (other.squares < out.fit.squares) out.fit = std::move(other);
-  }
+  // Without the effect the parameters may have gone far astray; with it, what was given is the better start.
+  auto from_rest = limits;
+  from_rest.refreshes = 2;
+  out.fit = from.squares > astray * static_cast<double>(misfit.size())
+                ? fit(misfit, hypothesis, at_rest(hypothesis, from), from_rest)
+                : fit(misfit, hypothesis, z, limits, &from);
   out.drop = base.squares - out.fit.squares;
   return out;
 }
@@ -80,17 +77,19 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
   out.screened = screen(misfit, base, {.effects = options.candidates, .tick = [&](double f) {
                                          tick("trying every effect", 0.3 * f);
                                        }});
-  const auto check = [&](Trial& t, double from, double to) {
+  // Fills in what is left after a trial; gives the effects that would take most of it.
+  const auto check = [&](Trial& t, bool seconds_wanted, double from, double to) {
     if (t.checked) return std::vector<Screened>{};
     polish(misfit, fine, base, t, [&] { tick("is it enough", from); });
+    t.checked = true;
+    if (options.beyond_effects) t.left = std::max(t.left, options.beyond_effects(t.fit));
+    if (!seconds_wanted && t.left > allowed_left(options, t.drop)) return std::vector<Screened>{};
     auto more =
         screen(misfit, t.fit,
                {.effects = without(options.candidates, t.effects), .rounds = 3, .tick = [&](double f) {
                   tick("is it enough", from + (to - from) * f);
                 }});
-    t.checked = true;
-    if (!more.empty()) t.left = more.front().drop;
-    if (options.beyond_effects) t.left = std::max(t.left, options.beyond_effects(t.fit));
+    if (!more.empty()) t.left = std::max(t.left, more.front().drop);
     return more;
   };
 
@@ -126,7 +125,8 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
   for (std::size_t i = 0; i < singles; ++i) {
     auto& t = out.trials[i];
     if (i > 0 && enough && score(t, samples) < score(out.trials[0], samples) - options.second) break;
-    seconds.push_back(check(t, 0.5 + 0.05 * static_cast<double>(i), 0.55 + 0.05 * static_cast<double>(i)));
+    seconds.push_back(
+        check(t, true, 0.5 + 0.05 * static_cast<double>(i), 0.55 + 0.05 * static_cast<double>(i)));
     enough = enough || t.left < allowed_left(options, t.drop);
   }
   if (!enough) {
@@ -149,7 +149,7 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
     std::ranges::stable_sort(
         pairs, [&](const Trial& a, const Trial& b) { return score(a, samples) > score(b, samples); });
     for (std::size_t i = 0; i < std::min(most_pairs, pairs.size()); ++i) {
-      check(pairs[i], 0.85 + 0.04 * static_cast<double>(i), 0.89 + 0.04 * static_cast<double>(i));
+      check(pairs[i], false, 0.85 + 0.04 * static_cast<double>(i), 0.89 + 0.04 * static_cast<double>(i));
       if (pairs[i].left < allowed_left(options, pairs[i].drop)) break;
     }
     out.trials.insert(out.trials.end(), std::make_move_iterator(pairs.begin()),

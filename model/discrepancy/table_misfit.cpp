@@ -5,7 +5,7 @@
 namespace ferrobench::model::discrepancy {
 namespace {
 
-constexpr double stroke_known_to = 0.0025, creep_known_to = 0.2;
+constexpr double stroke_known_to = 0.005, creep_known_to = 0.2;
 constexpr double shortest_of_interest = 0.01;  // s; creep over seconds does not show less
 
 // "prestress_MPa" 8: "8 MPa"

@@ -2,7 +2,7 @@
 //
 //   ln(published / simulated) / std
 //
-// std is how well a cell is known: strokes of table 3.13 to 0.25 % (four digits), creep over a hold to 20 %
+// std is how well a cell is known: strokes of table 3.13 to 0.5 %, creep over a hold to 20 %
 // (two digits, one specimen), twice that where the print is doubtful. An assumption, as no noise was
 // published.
 #pragma once
