@@ -16,6 +16,8 @@ namespace {
 // Cells are known to 0.5 % at best.
 constexpr SimulationOptions fine_for_tables{.tolerance = 1e-4, .domains = 2000, .shift = 7};
 
+constexpr std::size_t few_cells = 10;  // all of them are needed to tell effects apart
+
 std::vector<std::string> runs_of(const std::vector<TableCell>& cells) {
   std::vector<std::string> out;
   for (const auto& c : cells)
@@ -24,7 +26,7 @@ std::vector<std::string> runs_of(const std::vector<TableCell>& cells) {
 }
 
 std::vector<std::string> choose_locked(const std::vector<std::string>& runs,
-                                       const std::vector<std::string>& wanted) {
+                                       const std::vector<std::string>& wanted, std::size_t cells) {
   for (const auto& name : wanted)
     if (std::ranges::find(runs, name) == runs.end())
       throw Error(
@@ -35,7 +37,7 @@ std::vector<std::string> choose_locked(const std::vector<std::string>& runs,
       throw Error(ErrorCode::invalid_params, "all runs are held out: there is nothing to learn from");
     return wanted;
   }
-  if (runs.size() < 3) return {};
+  if (runs.size() < 3 || cells < few_cells) return {};
   return {runs[runs.size() / 2]};
 }
 
@@ -68,7 +70,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   const PublishedExperiments experiments(tables);
   const auto cells = cells_of(experiments);
   const auto runs = runs_of(cells);
-  const auto locked = choose_locked(runs, options.held_out);
+  const auto locked = choose_locked(runs, options.held_out, cells.size());
   std::vector<std::size_t> all, train, held_out;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     all.push_back(i);

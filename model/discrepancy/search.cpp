@@ -60,7 +60,11 @@ Model model_at(const Fit& fit, const std::string& note) {
 
 void detectable(Discovery& out, const std::vector<Screened>& screened, double threshold) {
   for (const auto& c : screened) {
-    if (c.excited < 9) {
+    const bool named = std::ranges::any_of(out.explanations, [&](const Explanation& e) {
+      return std::ranges::any_of(e.effects,
+                                 [&](const auto& estimate) { return estimate.id == c.effect->id; });
+    });
+    if (c.excited < 9 && !named) {
       out.not_testable.emplace_back(c.effect->id);
       continue;
     }

@@ -272,15 +272,16 @@ TEST(DiscrepancyInTables, ASingleCrystalLacksASpread) {
   // The improved model gives the cells that the report says.
   const auto cells = simulate_table(found.improved, "3.11", {}).cells;
   for (std::size_t i = 0; i < cells.size(); ++i)
-    if (found.cells[i].after > 0.1 * found.cells[i].published.published)
+    if (found.cells[i].after > 0.1 * found.cells[i].published.published) {
       EXPECT_NEAR(cells[i].measured.value(), found.cells[i].after, 0.02 * found.cells[i].after) << i;
+    }
 }
 
-TEST(DiscrepancyInTables, ARateIndependentStageLacksRate) {
-  const auto found = discover_in_tables(library_model("mcl-op30-rate-independent"), {"3.13"});
+TEST(DiscrepancyInTables, ALinearStageLacksRate) {
+  const auto found = discover_in_tables(library_model("mcl-op30-linear"), {"3.13"});
   ASSERT_TRUE(found.verdict == Verdict::named || found.verdict == Verdict::ambiguous) << text_report(found);
+  EXPECT_TRUE(found.held_out.recordings.empty());  // four cells are too few to lock one away
   EXPECT_LT(squares(found.train.after), 0.2 * squares(found.train.before));
-  EXPECT_LT(squares(found.held_out.after), 0.5 * squares(found.held_out.before));
   const auto strokes = simulate_table(found.improved, "3.13", {}).cells;
   EXPECT_GT(strokes.front().measured.value(), 1.03 * strokes.back().measured.value());
 }

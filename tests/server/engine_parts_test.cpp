@@ -169,7 +169,7 @@ TEST_F(EngineTest, DiscrepanciesAreSearchedForByJobs) {
     return status;
   };
 
-  const json stage{{"model", "mcl-op30-rate-independent"}, {"tables", {"3.13"}}, {"name", "found"}};
+  const json stage{{"model", "mcl-op30-linear"}, {"tables", {"3.13"}}, {"name", "found"}};
   const std::string cancelled = call("discrepancy.start", stage)["job"];
   wait(cancelled, [](const json& s) { return s["progress"].get<double>() > 0; });
   EXPECT_EQ(code_of([&] { call("discrepancy.result", {{"job", cancelled}}); }), ErrorCode::bad_state);
