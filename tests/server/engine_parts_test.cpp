@@ -169,15 +169,15 @@ TEST_F(EngineTest, DiscrepanciesAreSearchedForByJobs) {
     return status;
   };
 
-  const json stage{{"model", "mcl-op30-linear"}, {"tables", {"3.13"}}, {"name", "found"}};
-  const std::string cancelled = call("discrepancy.start", stage)["job"];
+  const json crystal{{"model", "nec-single-crystal"}, {"tables", {"3.11"}}, {"name", "found"}};
+  const std::string cancelled = call("discrepancy.start", crystal)["job"];
   wait(cancelled, [](const json& s) { return s["progress"].get<double>() > 0; });
   EXPECT_EQ(code_of([&] { call("discrepancy.result", {{"job", cancelled}}); }), ErrorCode::bad_state);
   call("job.cancel", {{"job", cancelled}});
   wait(cancelled, [](const json& s) { return s["state"] == "cancelled"; });
   EXPECT_EQ(code_of([&] { engine.store().model("found"); }), ErrorCode::not_found);
 
-  const std::string job = call("discrepancy.start", stage)["job"];
+  const std::string job = call("discrepancy.start", crystal)["job"];
   const auto status = wait(job, [](const json& s) { return s["state"] != "running"; });
   ASSERT_EQ(status["state"], "complete") << status.dump();
   EXPECT_TRUE(status["result"].is_null());
@@ -185,7 +185,7 @@ TEST_F(EngineTest, DiscrepanciesAreSearchedForByJobs) {
   EXPECT_FALSE(found["explanations"].empty());
   EXPECT_EQ(engine.store().model("found"), found["model"]);
   const json page = call("discrepancy.result", {{"job", job}, {"format", "html"}});
-  EXPECT_NE(page.get<std::string>().find("Table 3.13"), std::string::npos);
+  EXPECT_NE(page.get<std::string>().find("Table 3.11"), std::string::npos);
   const auto other = engine.jobs().start("fit", [](Jobs::Handle&) { return json{}; });
   EXPECT_EQ(code_of([&] { call("discrepancy.result", {{"job", other}}); }), ErrorCode::not_found);
 }
