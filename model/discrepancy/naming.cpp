@@ -10,6 +10,7 @@ namespace {
 constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3;
 constexpr double small_against = 0.0025;
 constexpr double astray = 1.2;  // sum of squares over their number
+constexpr double far_from_enough = 10;
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
                                    const std::vector<const Effect*>& some) {
@@ -47,15 +48,6 @@ Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screen
   return out;
 }
 
-// To the end, with the simulations' own error taken out where the fit stands.
-void polish(const Misfit& misfit, const Misfit& fine, const Fit& base, Trial& t,
-            const std::function<void()>& tick) {
-  if (t.polished) return;
-  settle(misfit, fine, t.fit, tick);
-  t.drop = base.squares - t.fit.squares;
-  t.polished = true;
-}
-
 }  // namespace
 
 double allowed_left(const NamingOptions& options, double drop) {
@@ -77,10 +69,24 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
   out.screened = screen(misfit, base, {.effects = options.candidates, .tick = [&](double f) {
                                          tick("trying every effect", 0.3 * f);
                                        }});
+  // To the end, with the simulations' own error taken out where the fit stands; unless it is plain already
+  // that this is no explanation.
+  const auto polish = [&](Trial& t, const std::function<void()>& in_between) {
+    if (t.polished) return;
+    correct(misfit, fine, t.fit);
+    refresh(misfit, t.fit);
+    t.drop = base.squares - t.fit.squares;
+    if (!options.beyond_effects ||
+        options.beyond_effects(t.fit) < far_from_enough * allowed_left(options, t.drop)) {
+      settle(misfit, fine, t.fit, in_between);
+      t.drop = base.squares - t.fit.squares;
+    }
+    t.polished = true;
+  };
   // Fills in what is left after a trial; gives the effects that would take most of it.
   const auto check = [&](Trial& t, bool seconds_wanted, double from, double to) {
     if (t.checked) return std::vector<Screened>{};
-    polish(misfit, fine, base, t, [&] { tick("is it enough", from); });
+    polish(t, [&] { tick("is it enough", from); });
     t.checked = true;
     if (options.beyond_effects) t.left = std::max(t.left, options.beyond_effects(t.fit));
     if (!seconds_wanted && t.left > allowed_left(options, t.drop)) return std::vector<Screened>{};
@@ -115,7 +121,7 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
   const double top = score(out.trials.front(), samples);
   for (std::size_t i = 0; i < std::min(out.trials.size(), most_best); ++i)
     if (i == 0 || score(out.trials[i], samples) > top - near)
-      polish(misfit, fine, base, out.trials[i], [&] { tick("comparing the best", 0.5); });
+      polish(out.trials[i], [&] { tick("comparing the best", 0.5); });
   best_first();
 
   // Is one effect enough? The best, and those as good as it.
