@@ -66,6 +66,7 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
     if (options.tick) options.tick(stage, fraction);
   };
   const auto samples = static_cast<double>(misfit.size());
+  out.excess = base.squares / samples - 1;
   out.screened = screen(misfit, base, {.effects = options.candidates, .tick = [&](double f) {
                                          tick("trying every effect", 0.3 * f);
                                        }});

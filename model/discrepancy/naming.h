@@ -31,6 +31,7 @@ struct Naming {
   std::vector<Screened> screened;  // around the base fit
   std::vector<Trial> trials;       // best first: sufficient ones before the others
   bool detected = false;
+  double excess = 0;  // of the base fit's sum of squares over their number
 };
 
 // What may be left after an explanation that brought this drop: nothing detectable, or what is small against

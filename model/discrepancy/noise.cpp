@@ -64,9 +64,17 @@ const std::array<Covariances, 8>& expectations() {
   return table;
 }
 
-// A tone that stands out of the windows' mean spectrum is taken out of each of them.
-void remove_tone(std::vector<Window>& windows) {
-  if (windows.size() < 4) return;
+double second_differences(const std::vector<Window>& windows) {
+  double sum = 0;
+  for (const auto& e : windows)
+    sum += (e.head(window - 2) - 2 * e.segment(1, window - 2) + e.tail(window - 2)).squaredNorm();
+  return sum;
+}
+
+// A tone that stands out of the windows' mean spectrum is taken out of each of them. By what factor their
+// second differences, from which the noise's level comes, are too large with it.
+double remove_tone(std::vector<Window>& windows) {
+  if (windows.size() < 4) return 1;
   constexpr int bins = window / 2;
   std::vector<double> power(bins, 0.0);
   const auto wave = [](double frequency) {
@@ -82,7 +90,7 @@ void remove_tone(std::vector<Window>& windows) {
     for (const auto& e : windows) power[static_cast<std::size_t>(b)] += (w.transpose() * e).squaredNorm();
   }
   const auto top = std::max_element(power.begin() + 4, power.end());
-  if (*top < 6 * recordings::median({power.begin() + 4, power.end()})) return;
+  if (*top < 6 * recordings::median({power.begin() + 4, power.end()})) return 1;
   const auto bin = static_cast<double>(top - power.begin());
   double best = 0, frequency = bin / window;
   for (double f = (bin - 1) / window; f <= (bin + 1) / window; f += 0.05 / window) {
@@ -96,7 +104,9 @@ void remove_tone(std::vector<Window>& windows) {
   }
   const auto w = wave(frequency);
   const Eigen::Matrix<double, 2, window> solve = (w.transpose() * w).inverse() * w.transpose();
+  const double with = second_differences(windows);
   for (auto& e : windows) e -= w * (solve * e);
+  return std::sqrt(with / second_differences(windows));
 }
 
 // Of unit variance in all; rows = 0 where nothing but white noise is seen.
@@ -131,6 +141,7 @@ Colour colour_of(const Covariances& c, std::size_t windows) {
 
 struct Quiet {
   std::vector<Window> windows;  // detrended, over the scatter
+  double tone = 1;              // the scatter is too large by this factor
   Covariances mean() const {
     Covariances c = Covariances::Zero();
     for (const auto& e : windows) c += covariances_of(e);
@@ -175,7 +186,7 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
       const double most = 1.6 * *third;
       for (auto& q : quiet) {
         std::erase_if(q.windows, [&](const Window& e) { return e.squaredNorm() / window > most; });
-        remove_tone(q.windows);
+        q.tone = remove_tone(q.windows);
         all.windows.insert(all.windows.end(), q.windows.begin(), q.windows.end());
       }
     }
@@ -189,7 +200,8 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
         if (pooled.rows > 0 && own.size() >= 12)
           if (const auto seen = colour_of(quiet[r].mean(), own.size()); seen.rows > 0) colour = seen;
         // Second differences of noise of this colour have 6 - 8 r1 + 2 r2 times its variance.
-        const double level = m.scatter * std::sqrt(6 / std::max(0.5, 6 - 8 * colour.r1() + 2 * colour.r2()));
+        const double level =
+            m.scatter / quiet[r].tone * std::sqrt(6 / std::max(0.5, 6 - 8 * colour.r1() + 2 * colour.r2()));
         const double floor = smallest_noise * m.range;
         if (level < floor) {
           warnings.push_back(

@@ -7,9 +7,11 @@
 
 namespace ferrobench::model::discrepancy {
 
+constexpr std::size_t most_aliases = 120;
+
 std::vector<double> RecordingMisfit::tones(const Eigen::VectorXd& residual, const EffectParameter& range,
                                            std::size_t count) const {
-  // In the longest recording, which resolves them best; the screen weighs them in all.
+  // In the longest recording, which resolves them best; all have a say afterwards.
   const Block* longest_block = nullptr;
   double longest = 0;
   for (const auto& b : blocks_) {
@@ -50,16 +52,35 @@ std::vector<double> RecordingMisfit::tones(const Eigen::VectorXd& residual, cons
       power[b] = square > 1 ? sum * sum / square : 0;
     }
   });
-  std::vector<double> out;
-  for (std::size_t k = 0; k < count; ++k) {
+  // Evenly sampled, a tone looks like any of its aliases; what tells them apart is that other recordings have
+  // other intervals.
+  std::vector<std::pair<double, double>> strongest;  // power in all recordings, frequency
+  for (std::size_t k = 0; k < most_aliases; ++k) {
     const auto top = std::max_element(power.begin(), power.end());
     if (top == power.end() || *top <= 0) break;
     const auto at = top - power.begin();
-    out.push_back(range.low + step * static_cast<double>(at));
+    strongest.emplace_back(0, range.low + step * static_cast<double>(at));
     for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, at - 4);
          i < std::min<std::ptrdiff_t>(at + 5, std::ssize(power)); ++i)
       power[static_cast<std::size_t>(i)] = 0;
   }
+  in_parallel(strongest.size(), threads(), [&](std::size_t k) {
+    const double w = 2 * std::numbers::pi * strongest[k].second;
+    for (const auto& b : blocks_) {
+      const auto& r = bench_[b.recording];
+      if (r.channels[b.channel].channel != recordings::Channel::displacement) continue;
+      double sum = 0, square = 0;
+      for (std::size_t i = 0; i < b.rows.size(); ++i) {
+        const double s = std::sin(w * r.time[b.rows[i]]);
+        sum += s * residual[b.begin + static_cast<Eigen::Index>(i)];
+        square += s * s;
+      }
+      if (square > 1) strongest[k].first += sum * sum / square;
+    }
+  });
+  std::ranges::sort(strongest, std::greater<>());
+  std::vector<double> out;
+  for (std::size_t k = 0; k < std::min(count, strongest.size()); ++k) out.push_back(strongest[k].second);
   return out;
 }
 

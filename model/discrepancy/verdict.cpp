@@ -7,6 +7,8 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr double certain = 0.9;  // together, the names that are given
+// The noise's level is estimated to a few percent, so its square may be off by twice that.
+constexpr double plain_excess = 0.2;
 
 double logistic(double x) {
   return 1 / (1 + std::exp(-x));
@@ -16,6 +18,13 @@ double logistic(double x) {
 
 Judgement judge(const Naming& naming, const NamingOptions& options, double samples) {
   Judgement out;
+  if (!naming.detected && naming.excess > plain_excess) {
+    // Nothing that is known would help, but this is not noise.
+    out.verdict = Verdict::unknown;
+    out.probability_unknown = certain;
+    out.probability_nothing = 1 - certain;
+    return out;
+  }
   if (naming.trials.empty()) {
     out.probability_nothing = 1;
     return out;
