@@ -117,7 +117,11 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   auto& out = s.out;
   tell(found, out);
   const Fit &fitted = found.base, &after = found.after();
-  if (out.verdict == Verdict::unknown) out.family = explained_by_signals(misfit, fitted).family;
+  if (out.verdict == Verdict::unknown) {
+    const auto explained = explained_by_signals(misfit, fitted);
+    out.family = explained.family;
+    out.signals = reconstructed(misfit, fitted, explained);
+  }
   if (const auto& rivals = found.judgement.trials; out.verdict == Verdict::ambiguous && rivals.size() > 1) {
     s.tick("looking for the experiment that would decide", 0.91);
     out.next_experiment =

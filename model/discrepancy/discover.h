@@ -97,6 +97,13 @@ struct Health {
   std::vector<std::string> warnings;
 };
 
+// What is missing, where no effect explains it: what would have to be added to a channel, without an offset.
+struct MissingSignal {
+  std::string recording;
+  recordings::Channel channel = recordings::Channel::displacement;
+  std::vector<double> time, value;  // SI
+};
+
 // A cell of a published table, with what the model gives for it before and after.
 struct CellGap {
   std::string table;
@@ -121,7 +128,8 @@ struct Discovery {
   Model improved;
   std::vector<std::string> sentences;  // the report's text, one finding each
   std::vector<Trace> traces;
-  std::vector<CellGap> cells;  // if published tables were the bench
+  std::vector<MissingSignal> signals;  // if the verdict is unknown: where it acts, as far as that was found
+  std::vector<CellGap> cells;          // if published tables were the bench
   Health health;
 };
 

@@ -57,6 +57,12 @@ nlohmann::json to_json(const Discovery& d) {
   out["next_experiment"] = d.next_experiment ? json{{"protocol", d.next_experiment->protocol},
                                                     {"expected_odds", d.next_experiment->expected_odds}}
                                              : json(nullptr);
+  if (!d.signals.empty()) out["signals"] = json::array();
+  for (const auto& signal : d.signals)
+    out["signals"].push_back({{"recording", signal.recording},
+                              {"channel", recordings::channel_name(signal.channel)},
+                              {"time_s", signal.time},
+                              {"value", signal.value}});
   if (!d.cells.empty()) out["cells"] = json::array();
   for (const auto& c : d.cells) {
     json cell{{"table", c.table},

@@ -91,6 +91,9 @@ class RecordingMisfit final : public Misfit {
   // Measured less simulated over the noise's standard deviation, not whitened; NaN where not measured.
   std::vector<double> plain_residual(std::size_t recording, std::size_t channel,
                                      const std::vector<double>& simulated) const;
+  double noise_of(std::size_t recording, std::size_t channel) const {
+    return noise_[recording][channel].std();
+  }
 
  private:
   struct Prepared {

@@ -128,6 +128,12 @@ std::vector<Section> sections(const Discovery& d) {
     Section s{"Where the model misses", {}};
     for (std::size_t i = 0; i < std::min<std::size_t>(5, d.where.size()); ++i)
       s.lines.push_back(place_sentence(d.where[i]));
+    for (const auto& signal : d.signals) {
+      const auto [low, high] = std::ranges::minmax(signal.value);
+      s.lines.push_back(fmt::format("It acts like an addition to the {} that ranges over {:.3g} {} in {}.",
+                                    recordings::channel_name(signal.channel), high - low,
+                                    recordings::channel_unit(signal.channel), signal.recording));
+    }
     out.push_back(s);
   }
   if (d.verdict == Verdict::named || d.verdict == Verdict::ambiguous) {
@@ -252,8 +258,22 @@ Display display_of(Channel channel) {
   }
 }
 
+recordings::Figure picture_of(const MissingSignal& signal) {
+  const auto display = display_of(signal.channel);
+  recordings::Series s{.label = "would have to be added", .points = {}};
+  for (std::size_t i = 0; i < signal.time.size(); ++i)
+    s.points.push_back({signal.time[i], display.scale * signal.value[i]});
+  return {.title = signal.recording + ": what is missing acts like this",
+          .x_label = "time / s",
+          .y_label = display.label,
+          .log_x = false,
+          .square = false,
+          .series = {std::move(s)}};
+}
+
 std::string pictures(const Discovery& d) {
   std::vector<recordings::Figure> figures;
+  for (const auto& signal : d.signals) figures.push_back(picture_of(signal));
   for (const auto& t : d.traces) {
     const auto display = display_of(t.channel);
     recordings::Figure f;

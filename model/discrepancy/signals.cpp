@@ -221,10 +221,11 @@ Explained explained_by_signals(const RecordingMisfit& misfit, const Fit& fit) {
     Eigen::MatrixXd gram(count, count);
     Eigen::VectorXd along(count);
     std::vector<Eigen::Index> used;
+    std::vector<double> norms;
     for (Eigen::Index i = 0; i < basis.cols(); ++i) {
-      const double norm = basis.col(i).norm();
-      if (norm > 0) basis.col(i) /= norm;
-      if (norm > 0) used.push_back(i);
+      norms.push_back(basis.col(i).norm());
+      if (norms.back() > 0) basis.col(i) /= norms.back();
+      if (norms.back() > 0) used.push_back(i);
     }
     Eigen::MatrixXd kept(misfit.size(), static_cast<Eigen::Index>(used.size()));
     for (std::size_t i = 0; i < used.size(); ++i) kept.col(static_cast<Eigen::Index>(i)) = basis.col(used[i]);
@@ -235,15 +236,62 @@ Explained explained_by_signals(const RecordingMisfit& misfit, const Fit& fit) {
     along = kept.transpose() * fit.residual - taken.transpose() * fit.gradient();
     Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(gram);
     const double smallest = 1e-6 * std::max(1e-12, eigen.eigenvalues().maxCoeff());
+    Eigen::VectorXd weights = Eigen::VectorXd::Zero(gram.cols());
     for (Eigen::Index i = 0; i < gram.cols(); ++i) {
       if (eigen.eigenvalues()[i] < smallest) continue;
       const double part = eigen.eigenvectors().col(i).dot(along);
+      weights += part / eigen.eigenvalues()[i] * eigen.eigenvectors().col(i);
       found[k].drop += part * part / eigen.eigenvalues()[i];
       ++found[k].functions;
     }
+    found[k].weights.assign(norms.size(), 0);
+    for (std::size_t i = 0; i < used.size(); ++i)
+      found[k].weights[static_cast<std::size_t>(used[i])] =
+          weights[static_cast<Eigen::Index>(i)] / norms[static_cast<std::size_t>(used[i])];
     found[k].beyond_chance = found[k].drop - found[k].functions - 3 * std::sqrt(2.0 * found[k].functions);
   });
   return *std::ranges::max_element(found, {}, &Explained::beyond_chance);
+}
+
+std::vector<MissingSignal> reconstructed(const RecordingMisfit& misfit, const Fit& fit,
+                                         const Explained& explained) {
+  struct Found {
+    MissingSignal signal;
+    double over_noise = 0;
+  };
+  std::map<Channel, Found> worst;
+  for (const std::size_t r : misfit.chosen()) {
+    const auto functions = functions_of(explained.family, states_of(misfit, fit, r));
+    const auto& recording = misfit.bench()[r];
+    for (std::size_t c = 0; c < recording.channels.size(); ++c) {
+      const auto list = functions.find(recording.channels[c].channel);
+      if (list == functions.end()) continue;
+      Signal sum(recording.time.size(), 0.0);
+      for (std::size_t i = 0; i < std::min(list->second.size(), explained.weights.size()); ++i)
+        for (std::size_t row = 0; row < sum.size(); ++row)
+          sum[row] += explained.weights[i] * list->second[i][row];
+      // An offset is nobody's signal.
+      double mean = 0;
+      for (const double v : sum) mean += v / static_cast<double>(sum.size());
+      for (double& v : sum) v -= mean;
+      double square = 0;
+      for (const double v : sum) square += v * v;
+      const double over_noise = std::sqrt(square / static_cast<double>(sum.size())) / misfit.noise_of(r, c);
+      auto& place = worst[recording.channels[c].channel];
+      if (over_noise <= place.over_noise) continue;
+      place.over_noise = over_noise;
+      place.signal = {.recording = recording.name,
+                      .channel = recording.channels[c].channel,
+                      .time = recording.time,
+                      .value = std::move(sum)};
+    }
+  }
+  std::vector<Found> sorted;
+  for (auto& [channel, f] : worst) sorted.push_back(std::move(f));
+  std::ranges::stable_sort(sorted, std::greater<>(), &Found::over_noise);
+  std::vector<MissingSignal> out;
+  for (auto& f : sorted) out.push_back(std::move(f.signal));
+  return out;
 }
 
 }  // namespace ferrobench::model::discrepancy

@@ -20,10 +20,16 @@ struct Explained {
   Family family = Family::kinetics;
   double drop = 0;  // of the sum of squares
   int functions = 0;
-  double beyond_chance = 0;  // drop less what so many functions take of noise
+  double beyond_chance = 0;     // drop less what so many functions take of noise
+  std::vector<double> weights;  // of the family's functions
 };
 
 // The family whose functions explain most beyond chance. `fit` must have a Jacobian.
 Explained explained_by_signals(const RecordingMisfit& misfit, const Fit& fit);
+
+// What the functions so weighted add to each channel where the family acts, by recording; worst first in
+// units of the noise, one for each channel.
+std::vector<MissingSignal> reconstructed(const RecordingMisfit& misfit, const Fit& fit,
+                                         const Explained& explained);
 
 }  // namespace ferrobench::model::discrepancy

@@ -3,6 +3,7 @@
 #include <ceres/ceres.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 namespace ferrobench::model {
@@ -21,9 +22,14 @@ struct Cost {
   const FitTarget& target;
   const FitOptions& options;
   int& simulations;
+  FitProgress& progress;
+  bool& stopped;
 
+  // False, which ends the solver, once the caller wants no more; the first is always made.
   bool operator()(double const* const* z, double* out) const {
     const std::span<double> residuals(out, target.size());
+    stopped = stopped || (simulations > 0 && options.progress && !options.progress(progress));
+    if (stopped) return false;
     try {
       ++simulations;
       target.residuals(model_at(base, options.free, z[0]), options.simulation, residuals);
@@ -37,22 +43,27 @@ struct Cost {
   }
 };
 
+// Keeps the best of a start as it goes, so that a start that is stopped is not lost.
 class Watch final : public ceres::IterationCallback {
  public:
-  Watch(const FitOptions& options, FitProgress& progress, bool& stopped)
-      : options_(options), progress_(progress), stopped_(stopped) {}
+  Watch(const FitOptions& options, FitProgress& progress, const std::vector<double>& z)
+      : options_(options), progress_(progress), z_(z) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& s) override {
     progress_.fraction =
         (progress_.start + static_cast<double>(s.iteration) / options_.iterations) / progress_.starts;
-    if (!options_.progress || options_.progress(progress_)) return ceres::SOLVER_CONTINUE;
-    stopped_ = true;
-    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    if (s.step_is_successful || s.iteration == 0) {
+      reached = 2 * s.cost;
+      best = z_;
+    }
+    return ceres::SOLVER_CONTINUE;
   }
+  double reached = std::numeric_limits<double>::infinity();
+  std::vector<double> best;
 
  private:
   const FitOptions& options_;
   FitProgress& progress_;
-  bool& stopped_;
+  const std::vector<double>& z_;
 };
 
 std::vector<double> standard_deviations(ceres::Problem& problem, const double* z, std::size_t n,
@@ -85,7 +96,10 @@ FitResult fit(const Model& start, const FitTarget& target, const FitOptions& opt
   for (std::size_t i = 0; i < n; ++i)
     first[i] = std::clamp(to_search(options.free[i], get_parameter(start, options.free[i].path)), -far, far);
 
-  const auto make_cost = [&] { return new Cost{start, target, options, result.simulations}; };
+  FitProgress progress{.start = 0, .starts = std::max(1, options.starts), .fraction = 0, .cost = 0};
+  const auto make_cost = [&] {
+    return new Cost{start, target, options, result.simulations, progress, result.stopped};
+  };
   const auto squares = [&](const std::vector<double>& z) {
     std::vector<double> residuals(target.size());
     const double* at = z.data();
@@ -94,13 +108,11 @@ FitResult fit(const Model& start, const FitTarget& target, const FitOptions& opt
     for (const double r : residuals) sum += r * r;
     return sum;
   };
-  result.cost_before = result.cost_after = squares(first);
+  result.cost_before = result.cost_after = progress.cost = squares(first);
 
   std::mt19937_64 random(options.seed);
   std::normal_distribution<double> normal;
   std::vector<double> best = first, spread(n, 0.0);
-  FitProgress progress{
-      .start = 0, .starts = std::max(1, options.starts), .fraction = 0, .cost = result.cost_before};
   for (; progress.start < progress.starts && !result.stopped; ++progress.start) {
     std::vector<double> z = best;
     if (progress.start > 0)
@@ -117,20 +129,20 @@ FitResult fit(const Model& start, const FitTarget& target, const FitOptions& opt
       problem.SetParameterLowerBound(z.data(), static_cast<int>(i), -far);
       problem.SetParameterUpperBound(z.data(), static_cast<int>(i), far);
     }
-    Watch watch(options, progress, result.stopped);
+    Watch watch(options, progress, z);
     ceres::Solver::Options solver;
     solver.max_num_iterations = options.iterations;
     solver.function_tolerance = 1e-5;
     solver.logging_type = ceres::SILENT;
+    solver.update_state_every_iteration = true;
     solver.callbacks.push_back(&watch);
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);
-    const double reached = 2 * summary.final_cost;
-    if (reached < result.cost_after) {
-      result.cost_after = progress.cost = reached;
-      best = z;
+    if (watch.reached < result.cost_after) {
+      result.cost_after = progress.cost = watch.reached;
+      best = watch.best;
       const auto freedom = std::max<double>(1, static_cast<double>(target.size()) - static_cast<double>(n));
-      spread = standard_deviations(problem, z.data(), n, reached / freedom);
+      if (!result.stopped) spread = standard_deviations(problem, z.data(), n, watch.reached / freedom);
     }
   }
 
