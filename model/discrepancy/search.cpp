@@ -39,15 +39,14 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
   return best;
 }
 
-std::map<std::string, Recalibration> recalibrations(const Fit& fit, double numerical) {
+std::map<std::string, Recalibration> recalibrations(const Fit& fit) {
   const Eigen::MatrixXd covariance = fit.normal().inverse();
   std::map<std::string, Recalibration> out;
   for (std::size_t i = 0; i < fit.hypothesis.base_count; ++i) {
     const auto& c = fit.hypothesis.coordinates[i];
     const auto k = static_cast<Eigen::Index>(i);
-    out[c.path] = {
-        c.from, c.value(fit.z[k]),
-        widening(fit, numerical) * std::abs(c.slope(fit.z[k])) * std::sqrt(std::max(0.0, covariance(k, k)))};
+    out[c.path] = {c.from, c.value(fit.z[k]),
+                   widening(fit) * std::abs(c.slope(fit.z[k])) * std::sqrt(std::max(0.0, covariance(k, k)))};
   }
   return out;
 }
@@ -162,15 +161,14 @@ Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, 
 }
 
 void tell(const Search& s, Discovery& out) {
-  const double numerical = out.health.numerical_error_over_noise;
   out.verdict = s.judgement.verdict;
   out.probability_unknown = s.judgement.probability_unknown;
   out.probability_nothing = s.judgement.probability_nothing;
   if (out.verdict != Verdict::nothing_missing)
     for (const auto& [trial, probability] : s.judgement.trials)
-      out.explanations.push_back({estimates(*trial, numerical), probability});
+      out.explanations.push_back({estimates(*trial), probability});
   if (s.best != nullptr) out.family = s.best->effects.front()->family;
-  out.recalibrated = recalibrations(s.after(), numerical);
+  out.recalibrated = recalibrations(s.after());
   out.recalibrated_base = model_at(s.base, "Recalibrated.");
   out.improved = s.best != nullptr ? model_at(s.best->fit, "Recalibrated, with what was found missing.")
                                    : out.recalibrated_base;

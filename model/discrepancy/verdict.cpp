@@ -67,16 +67,15 @@ Judgement judge(const Naming& naming, const NamingOptions& options, double sampl
   return out;
 }
 
-double widening(const Fit& fit, double numerical) {
+double widening(const Fit& fit) {
   const auto rows = static_cast<double>(std::max<Eigen::Index>(1, fit.residual.size()));
-  const auto numbers = static_cast<double>(std::max<Eigen::Index>(1, fit.z.size()));
-  return std::sqrt(std::max(1.0, fit.residual.squaredNorm() / rows) + numerical * numerical * rows / numbers);
+  return std::sqrt(evidence_scale * std::max(1.0, fit.residual.squaredNorm() / rows));
 }
 
-std::vector<EffectEstimate> estimates(const Trial& trial, double numerical) {
+std::vector<EffectEstimate> estimates(const Trial& trial) {
   const auto& h = trial.fit.hypothesis;
   const Eigen::MatrixXd covariance = trial.fit.normal().inverse();
-  const double scale = 1.645 * widening(trial.fit, numerical);
+  const double scale = 1.645 * widening(trial.fit);
   std::vector<EffectEstimate> out;
   std::size_t i = h.base_count;
   for (const auto* effect : trial.effects) {

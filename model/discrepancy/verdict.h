@@ -17,11 +17,11 @@ struct Judgement {
 
 Judgement judge(const Naming& naming, const NamingOptions& options, double samples);
 
-// By how much standard deviations grow for what noise does not explain, and for the simulations' own error
-// (`numerical`, over the noise), spread evenly over the numbers that were fitted.
-double widening(const Fit& fit, double numerical);
+// By how much standard deviations are wider than noise alone has it: for what noise does not explain, and, as
+// with odds, because sums of squares do not count in full.
+double widening(const Fit& fit);
 
 // 90 % intervals of the parameters of a trial's effects.
-std::vector<EffectEstimate> estimates(const Trial& trial, double numerical);
+std::vector<EffectEstimate> estimates(const Trial& trial);
 
 }  // namespace ferrobench::model::discrepancy
