@@ -111,6 +111,8 @@ TEST(Score, OutcomesAreKeptInFiles) {
   o.family_right = true;
   o.class_right = true;
   o.parameter_errors = {0.1, 0.02};
+  o.intervals = 2;
+  o.holding = 1;
   o.before = 2;
   o.after = 1.01;
   o.seconds = 12;

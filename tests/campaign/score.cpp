@@ -87,7 +87,11 @@ Outcome score(const Bench& b, const model::Discovery& d) {
         if (found.id == hidden.id && o.in_catalogue)
           for (const auto& p : found.parameters)
             for (const auto& [name, value] : hidden.parameters)
-              if (name == p.name) o.parameter_errors.push_back(std::abs(p.value / value - 1));
+              if (name == p.name) {
+                o.parameter_errors.push_back(std::abs(p.value / value - 1));
+                ++o.intervals;
+                o.holding += p.low <= value && value <= p.high;
+              }
     o.class_right = o.in_catalogue && !o.truth.empty() && within_class(o, d);
   } else {
     o.probability = o.verdict == "unknown" ? d.probability_unknown : d.probability_nothing;
@@ -144,6 +148,7 @@ nlohmann::json to_json(const Outcome& o) {
           {"right", o.right()},
           {"right_up_to_class", o.right() || o.class_right},
           {"parameter_errors", o.parameter_errors},
+          {"intervals", {{"count", o.intervals}, {"holding", o.holding}}},
           {"held_out", {{"before", o.before}, {"after", o.after}}},
           {"seconds", o.seconds}};
 }
@@ -164,6 +169,10 @@ Outcome outcome_from_json(const nlohmann::json& json) {
   o.class_right = json.at("right_up_to_class").get<bool>() && !o.right();
   json.at("probability").get_to(o.probability);
   json.at("parameter_errors").get_to(o.parameter_errors);
+  if (const auto intervals = json.find("intervals"); intervals != json.end()) {
+    intervals->at("count").get_to(o.intervals);
+    intervals->at("holding").get_to(o.holding);
+  }
   json.at("held_out").at("before").get_to(o.before);
   json.at("held_out").at("after").get_to(o.after);
   json.at("seconds").get_to(o.seconds);

@@ -25,6 +25,7 @@ struct Outcome {
   bool class_right = false;              // right up to what the answer says it cannot tell apart
   double probability = 0;                // stated for the verdict: first explanation, unknown or nothing
   std::vector<double> parameter_errors;  // relative, of the effects that were named rightly
+  int intervals = 0, holding = 0;        // of these effects, and how many hold the hidden value
   double before = 0, after = 0;          // residual over noise on the locked recordings, rms over channels
   double seconds = 0;
 

@@ -94,6 +94,15 @@ std::vector<Figure> figures(const std::vector<Outcome>& all) {
                       [](const Outcome& o) { return o.wrong_name() && o.probability > 0.8; }));
   out.push_back(middle(all, "parameters of right names: median relative error", 0.1,
                        [](const Outcome& o) { return o.parameter_errors; }));
+  Figure holding{.name = "90 % intervals that hold the hidden value", .goal = 0.8, .at_least = true};
+  double intervals = 0, held = 0;
+  for (const auto& o : all) {
+    holding.count += o.intervals > 0;
+    intervals += o.intervals;
+    held += o.holding;
+  }
+  if (intervals > 0) holding.value = held / intervals;
+  out.push_back(holding);
   out.push_back(middle(all, "held-out residual over noise after, median, effects of the catalogue", 1.1,
                        [](const Outcome& o) {
                          const bool counts = o.in_catalogue && !o.truth.empty() && o.after > 0;
