@@ -91,11 +91,11 @@ Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, con
     t.checked = true;
     if (options.beyond_effects) t.left = std::max(t.left, options.beyond_effects(t.fit));
     if (!seconds_wanted && t.left > allowed_left(options, t.drop)) return std::vector<Screened>{};
-    auto more =
-        screen(misfit, t.fit,
-               {.effects = without(options.candidates, t.effects), .rounds = 3, .tick = [&](double f) {
-                  tick("is it enough", from + (to - from) * f);
-                }});
+    auto more = screen(misfit, t.fit,
+                       {.effects = without(options.candidates, t.effects),
+                        .rounds = 3,
+                        .before = out.screened,
+                        .tick = [&](double f) { tick("is it enough", from + (to - from) * f); }});
     if (!more.empty()) t.left = std::max(t.left, more.front().drop);
     return more;
   };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace ferrobench::model::discrepancy {
 namespace {
@@ -31,6 +32,8 @@ struct Probe {
   double strength = 0;
   int sign = 1;
   bool done = false;
+  // What a threshold effect does sets in between these.
+  double too_weak = 0, too_strong = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace
@@ -54,10 +57,10 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
         }
       grid = std::move(next);
     }
-    for (auto& shapes : grid)
-      probes.push_back({.effect = e,
-                        .shapes = std::move(shapes),
-                        .strength = std::sqrt(amplitude.weak * amplitude.strong)});
+    double start = std::sqrt(amplitude.weak * amplitude.strong);
+    for (const auto& before : options.before)
+      if (before.effect == &effect && before.across > 0) start = before.strength;
+    for (auto& shapes : grid) probes.push_back({.effect = e, .shapes = std::move(shapes), .strength = start});
   }
   const auto values_of = [&](const Probe& p) {
     const Amplitude amplitude(out[p.effect].effect->parameters.front());
@@ -90,7 +93,9 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
         const Amplitude amplitude(s.effect->parameters.front());
         const double low = amplitude.weak / 30, high = amplitude.strong * 30;
         const auto go_to = [&](double strength) {
-          const double next = std::clamp(strength, low, high);
+          double next = std::clamp(strength, low, high);
+          if (p.too_weak > 0 && p.too_strong < high && (next <= p.too_weak || next >= p.too_strong))
+            next = std::sqrt(p.too_weak * p.too_strong);
           p.done = std::abs(std::log(next / p.strength)) < 0.1;
           p.strength = next;
         };
@@ -104,6 +109,7 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
           s.excited =
               std::max(s.excited, d.across * std::pow(std::min(30.0, amplitude.strong / p.strength), 2));
         if (d.across < least_response) {
+          p.too_weak = std::max(p.too_weak, p.strength);
           go_to(20 * p.strength);
           continue;
         }
@@ -125,10 +131,12 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
             scale = -scale;
           } else {
             // Threshold effects may start to help only where they are weak.
+            p.too_strong = std::min(p.too_strong, p.strength);
             go_to(0.2 * p.strength);
             continue;
           }
         }
+        if (scale < 0.7) p.too_strong = std::min(p.too_strong, p.strength);
         go_to(p.strength * std::clamp(scale, 0.05, 20.0));
       }
       if (options.tick)

@@ -19,6 +19,8 @@ struct Screened {
 struct ScreenOptions {
   std::span<const Effect* const> effects;
   int rounds = 5;
+  // An earlier screen, on the same recordings: amplitudes start where the response was a plausible one.
+  std::span<const Screened> before{};
   std::function<void(double)> tick;  // with the share done; may throw
 };
 
