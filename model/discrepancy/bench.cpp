@@ -55,43 +55,65 @@ std::vector<std::size_t> chords(const std::vector<double>& time, const std::vect
   return out;
 }
 
-// The levels of the knots by least squares over all samples of the measured field, and what its noise leaves
-// uncertain of them.
-void fit_levels(BenchRecording& out, const Recording& r) {
+// The knots by least squares over all samples of the measured field, from corners that are right to a sample;
+// and what the field's noise leaves uncertain of them.
+void fit_knots(BenchRecording& out, const Recording& r) {
   const auto& field = r.at(Channel::field);
-  const auto n = static_cast<Eigen::Index>(out.level_of.back() + 1);
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
-  Eigen::VectorXd along = Eigen::VectorXd::Zero(n);
+  const std::size_t last = out.knot_time.size() - 1, levels = out.level_of.back() + 1;
+  const bool times_too = levels < most_levels;
+  const auto n = static_cast<Eigen::Index>(levels + (times_too ? last - 1 : 0));
+  const auto corners_found = out.knot_time;
+  const double interval = (r.time.back() - r.time.front()) / static_cast<double>(r.size() - 1);
+  out.knot_field.assign(last + 1, 0);
   std::vector<double> known;
-  std::size_t knot = 1;
-  for (std::size_t i = 0; i < r.size(); ++i) {
-    if (!std::isfinite(field[i])) continue;
-    known.push_back(field[i]);
-    const double t = r.time[i] - r.time.front();
-    while (knot + 1 < out.knot_time.size() && t > out.knot_time[knot]) ++knot;
-    const double u = (t - out.knot_time[knot - 1]) / (out.knot_time[knot] - out.knot_time[knot - 1]);
-    const Eigen::Index a = static_cast<Eigen::Index>(out.level_of[knot - 1]),
-                       b = static_cast<Eigen::Index>(out.level_of[knot]);
-    const double wa = a == b ? 0.5 : 1 - u, wb = a == b ? 0.5 : u;
-    normal(a, a) += wa * wa;
-    normal(b, b) += wb * wb;
-    normal(a, b) += wa * wb;
-    normal(b, a) += wa * wb;
-    along[a] += wa * field[i];
-    along[b] += wb * field[i];
+  for (const double e : field)
+    if (std::isfinite(e)) known.push_back(e);
+  const double noise = recordings::estimate_noise(known);
+  Eigen::MatrixXd normal(n, n);
+  Eigen::VectorXd along(n);
+  constexpr int rounds = 4;  // the first for the levels alone
+  for (int round = 0; round < rounds; ++round) {
+    normal.setZero();
+    along.setZero();
+    std::size_t knot = 1;
+    for (std::size_t i = 0; i < r.size(); ++i) {
+      if (!std::isfinite(field[i])) continue;
+      const double t = r.time[i] - r.time.front();
+      while (knot < last && t > out.knot_time[knot]) ++knot;
+      const double span = out.knot_time[knot] - out.knot_time[knot - 1];
+      const double u = std::clamp((t - out.knot_time[knot - 1]) / span, 0.0, 1.0);
+      const double rise = out.knot_field[knot] - out.knot_field[knot - 1];
+      const double miss = field[i] - out.knot_field[knot - 1] - u * rise;
+      std::vector<std::pair<std::size_t, double>> parts{{out.level_of[knot - 1], 1 - u},
+                                                        {out.level_of[knot], u}};
+      if (times_too && round > 0 && knot >= 2) parts.emplace_back(levels + knot - 2, -(1 - u) * rise / span);
+      if (times_too && round > 0 && knot < last) parts.emplace_back(levels + knot - 1, -u * rise / span);
+      for (const auto& [row, weight] : parts) {
+        along[static_cast<Eigen::Index>(row)] += weight * miss;
+        for (const auto& [column, other] : parts)
+          normal(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column)) += weight * other;
+      }
+    }
+    // A corner that is hardly a bend cannot be dated: by itself its time is known to a sample.
+    for (Eigen::Index k = 0; k < n; ++k)
+      normal(k, k) += k < static_cast<Eigen::Index>(levels) ? 1e-9 : std::pow(noise / interval, 2);
+    const Eigen::VectorXd step = normal.llt().solve(along);
+    for (std::size_t k = 0; k <= last; ++k)
+      out.knot_field[k] += step[static_cast<Eigen::Index>(out.level_of[k])];
+    for (std::size_t k = 1; times_too && k < last; ++k) {
+      // Stays within a sample of the corner, and away from its neighbours.
+      const double room = std::min({interval, 0.4 * (corners_found[k] - corners_found[k - 1]),
+                                    0.4 * (corners_found[k + 1] - corners_found[k])});
+      out.knot_time[k] = std::clamp(out.knot_time[k] + step[static_cast<Eigen::Index>(levels + k - 1)],
+                                    corners_found[k] - room, corners_found[k] + room);
+    }
   }
-  normal.diagonal().array() += 1e-9;
-  const Eigen::LLT<Eigen::MatrixXd> factor(normal);
-  const Eigen::VectorXd levels = factor.solve(along);
-  for (const std::size_t level : out.level_of)
-    out.knot_field.push_back(levels[static_cast<Eigen::Index>(level)]);
-  if (out.level_of.back() >= most_levels) {
+  if (!times_too) {
     out.level_of.clear();
     return;
   }
-  // normal = L L^T, so noise * L^-T has the covariance of the levels.
-  out.level_error = recordings::estimate_noise(known) *
-                    Eigen::MatrixXd(factor.matrixU().solve(Eigen::MatrixXd::Identity(n, n)));
+  // normal = L L^T, so noise * L^-T has the covariance of the knots.
+  out.knot_error = noise * Eigen::MatrixXd(normal.llt().matrixU().solve(Eigen::MatrixXd::Identity(n, n)));
 }
 
 // The drive as knots: the command at its corners, or the lines that its measured field runs along.
@@ -108,8 +130,11 @@ void set_drive(BenchRecording& out, const Recording& r) {
     if (time.size() < 2) refuse(out.name, path_of(Channel::command), "has fewer than two finite values");
     auto knots = corners(time, field);
     const auto [low, high] = std::ranges::minmax(field);
-    for (double slack = 1e-5; knots.size() > most_knots && slack < 0.1; slack *= 2)
+    double slack = 1e-5;
+    while (knots.size() > most_knots && slack < 0.1) {
       knots = chords(time, field, slack * (high - low));
+      slack *= 2;
+    }
     for (const std::size_t knot : knots) {
       out.knot_time.push_back(time[knot]);
       out.knot_field.push_back(field[knot]);
@@ -126,7 +151,7 @@ void set_drive(BenchRecording& out, const Recording& r) {
       out.knot_time.push_back(end);
       out.level_of.push_back(out.level_of.back() + (s.kind == "hold" ? 0 : 1));
     }
-    fit_levels(out, r);
+    fit_knots(out, r);
   }
   if (!out.has_command) return;
   if (out.knot_time.front() > 0) {
@@ -153,9 +178,10 @@ std::vector<std::size_t> choose_rows(const Recording& r, const std::vector<doubl
     auto i = static_cast<std::size_t>(std::lower_bound(r.time.begin(), r.time.end(), r.time.front() + knot) -
                                       r.time.begin());
     double step = 1;
-    for (std::size_t k = 0; k < dense && i < n; ++k, step *= 1.05) {
+    for (std::size_t k = 0; k < dense && i < n; ++k) {
       chosen.insert(i);
       i += static_cast<std::size_t>(step);
+      step *= 1.05;
     }
   }
   const std::size_t even = most - std::min(most, chosen.size());
@@ -305,6 +331,19 @@ std::string_view stretch_name(Stretch stretch) {
                                                               "ramp, switching",
                                                               "ramp, after switching"};
   return names.at(static_cast<std::size_t>(stretch));
+}
+
+BenchRecording BenchRecording::with_knots_moved(Eigen::Index column) const {
+  auto out = *this;
+  const auto levels = static_cast<Eigen::Index>(level_of.back() + 1);
+  for (std::size_t k = 0; k < knot_time.size(); ++k) {
+    out.knot_field[k] += knot_error(static_cast<Eigen::Index>(level_of[k]), column);
+    if (k == 0 || k + 1 == knot_time.size()) continue;
+    const double room = 0.4 * std::min(knot_time[k] - knot_time[k - 1], knot_time[k + 1] - knot_time[k]);
+    out.knot_time[k] +=
+        std::clamp(knot_error(levels + static_cast<Eigen::Index>(k) - 1, column), -room, room);
+  }
+  return out;
 }
 
 const MeasuredChannel* BenchRecording::find(Channel channel) const {

@@ -42,10 +42,12 @@ struct BenchRecording {
   recordings::Header header;
   bool has_command = false;
   std::vector<double> knot_time, knot_field;  // the drive, linear between its knots
-  // Where the drive was read from the measured field: the knots' levels are as good as the field's noise lets
-  // them be. levels = knot_field + error[level_of[knot]], error = level_error * (independent unit normals).
+  // Where the drive was read from the measured field: the knots are as good as the field's noise lets them
+  // be. Errors of (levels, times of the inner knots) = knot_error * (independent unit normals).
   std::vector<std::size_t> level_of;  // of the knots; both ends of a hold share one. Empty: known
-  Eigen::MatrixXd level_error;
+  Eigen::MatrixXd knot_error;
+  // With the errors that one column of knot_error stands for.
+  BenchRecording with_knots_moved(Eigen::Index column) const;
   std::vector<double> time;      // of the rows, from the first sample
   std::vector<Stretch> stretch;  // of the rows
   std::vector<MeasuredChannel> channels;

@@ -194,13 +194,9 @@ void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen
       return out;
     };
     const Eigen::VectorXd rest = column_of(r);
-    Eigen::MatrixXd columns(a.count, r.level_error.cols());
-    for (Eigen::Index k = 0; k < columns.cols(); ++k) {
-      auto moved = r;
-      for (std::size_t knot = 0; knot < moved.knot_field.size(); ++knot)
-        moved.knot_field[knot] += r.level_error(static_cast<Eigen::Index>(r.level_of[knot]), k);
-      columns.col(k) = column_of(moved) - rest;
-    }
+    Eigen::MatrixXd columns(a.count, r.knot_error.cols());
+    for (Eigen::Index k = 0; k < columns.cols(); ++k)
+      columns.col(k) = column_of(r.with_knots_moved(k)) - rest;
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(columns.transpose() * columns);
     std::vector<Eigen::Index> used;
     for (Eigen::Index k = 0; k < columns.cols(); ++k)

@@ -122,6 +122,39 @@ TEST(Discrepancy, TheStory) {
   EXPECT_EQ(again.verdict, Verdict::nothing_missing) << text_report(again);
 }
 
+// A tone far above half of most sampling rates, which looks like noise; a limit that only the fastest ramps
+// pass; a drive that is known by a noisy measurement only, with a gain and an offset.
+TEST(Discrepancy, NamesAnAliasedTone) {
+  auto bench = real_bench();
+  bench.effects.push_back({"mains_pickup", {{"amplitude", 4e-7}, {"frequency", 120.85}}});
+  const auto found = discover(given(), measure(bench));
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  const auto& effect = found.explanations.front().effects.front();
+  EXPECT_EQ(effect.id, "mains_pickup");
+  EXPECT_NEAR(effect.parameters.at(1).value, 120.85, 0.05);
+}
+
+TEST(Discrepancy, NamesALimitThatFewRampsPass) {
+  auto bench = real_bench();
+  bench.effects.push_back({"amplifier_slew_limit", {{"rate", 4e6}}});
+  const auto found =
+      discover(given(), measure(bench), {.held_out = {"slow"}, .candidates = {}, .progress = {}});
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  EXPECT_EQ(found.explanations.front().effects.front().id, "amplifier_slew_limit");
+  EXPECT_NEAR(found.explanations.front().effects.front().parameters.front().value, 4e6, 4e4);
+}
+
+TEST(Discrepancy, AMeasuredDriveIsUncertain) {
+  auto recordings = measure(real_bench());
+  for (auto& [name, r] : recordings) {
+    r.channels[static_cast<std::size_t>(Channel::command)].reset();
+    for (double& e : *r.channels[static_cast<std::size_t>(Channel::field)]) e = 1.01 * e + 2e4;
+  }
+  const auto found = discover(given(), recordings);
+  EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
+  EXPECT_NEAR(found.recalibrated.at("offset.field").to, 2e4, 4 * found.recalibrated.at("offset.field").std);
+}
+
 TEST(Discrepancy, MovedParametersAreNoEffect) {
   const auto found = discover(given(), measure(real_bench()));
   EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
