@@ -40,6 +40,23 @@ TEST(Fractions, StayFractions) {
   }
 }
 
+TEST(Simulation, EndsAtItsBoundOfSteps) {
+  const std::array<double, 3> time{0, 1, 2}, field{0, 2e6, -2e6};
+  const auto model = library_model("soft-pzt");
+  std::array<double, 3> charge{};
+  ChannelSpans out;
+  out.charge = charge;
+  const auto took = simulate_at(model, time, field, time, out, {});
+  EXPECT_GE(took.tried, took.steps);
+  EXPECT_NO_THROW(simulate_at(model, time, field, time, out, {.most_steps = took.tried}));
+  try {
+    simulate_at(model, time, field, time, out, {.most_steps = took.tried / 2});
+    FAIL() << "took more steps than it may";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ErrorCode::numerical);
+  }
+}
+
 // F_{a,90} = g_a - g_90, whose derivatives by field and stress are -<P>_a + <P>_90 and -<eps>_a + <eps>_90.
 TEST(Wells, AreTheDerivativesOfTheFreeEnergy) {
   Material m;
