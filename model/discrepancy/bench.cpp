@@ -68,7 +68,9 @@ void fit_knots(BenchRecording& out, const Recording& r) {
   std::vector<double> known;
   for (const double e : field)
     if (std::isfinite(e)) known.push_back(e);
-  const double noise = recordings::estimate_noise(known);
+  const auto [least, most] = std::ranges::minmax(known);
+  // Exact steps have none.
+  const double noise = std::max(recordings::estimate_noise(known), 1e-9 * (most - least));
   Eigen::MatrixXd normal(n, n);
   Eigen::VectorXd along(n);
   constexpr int rounds = 4;  // the first for the levels alone
@@ -152,8 +154,8 @@ void set_drive(BenchRecording& out, const Recording& r) {
       out.level_of.push_back(out.level_of.back() + (s.kind == "hold" ? 0 : 1));
     }
     fit_knots(out, r);
+    return;
   }
-  if (!out.has_command) return;
   if (out.knot_time.front() > 0) {
     out.knot_time.insert(out.knot_time.begin(), 0);
     out.knot_field.insert(out.knot_field.begin(), out.knot_field.front());

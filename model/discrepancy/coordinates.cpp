@@ -29,6 +29,10 @@ bool Coordinate::of_model() const {
   return !path.starts_with("gain.") && !path.starts_with("factor.") && !path.starts_with("offset.");
 }
 
+Eigen::VectorXd at_rest(const Hypothesis& h) {
+  return Eigen::VectorXd::Zero(static_cast<Eigen::Index>(h.coordinates.size()));
+}
+
 Setting setting_at(const Hypothesis& h, const Eigen::VectorXd& z) {
   Setting out;
   std::vector<std::pair<std::string, double>> values;

@@ -36,6 +36,9 @@ struct Hypothesis {
   std::size_t base_count = 0;  // the first ones are the base model's
 };
 
+// Where nothing has moved.
+Eigen::VectorXd at_rest(const Hypothesis& hypothesis);
+
 struct Setting {
   Model model;
   std::array<double, compared_channels.size()> gain{1, 1, 1, 1};  // by compared_channels

@@ -76,7 +76,7 @@ class RecordingMisfit final : public Misfit {
                             std::size_t count) const override;
 
   // Drives that were read from a measured field are uncertain, and what that does to the residuals is no
-  // misfit: the residuals become those of the marginal likelihood over the drives' levels, linear around
+  // misfit: the residuals become those of the marginal likelihood over the drives' knots, linear around
   // `at`.
   void allow_for_drives(const Hypothesis& hypothesis, const Eigen::VectorXd& at);
   void allow_as(const RecordingMisfit& other) { allowances_ = other.allowances_; }

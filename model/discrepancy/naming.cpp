@@ -9,8 +9,8 @@ namespace {
 
 constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3;
 constexpr double small_against = 0.0025;
-constexpr double astray = 1.2;  // sum of squares over their number
-constexpr double far_from_enough = 10;
+constexpr double astray = 1.2;          // sum of squares over their number
+constexpr double far_from_enough = 10;  // times what may be left
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
                                    const std::vector<const Effect*>& some) {
@@ -21,10 +21,9 @@ std::vector<const Effect*> without(const std::vector<const Effect*>& all,
 }
 
 // The base parameters as given, effects as they stand.
-Eigen::VectorXd at_rest(const Hypothesis& hypothesis, const Fit& from) {
-  Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hypothesis.coordinates.size()));
-  for (Eigen::Index i = static_cast<Eigen::Index>(hypothesis.base_count); i < from.z.size(); ++i)
-    z[i] = from.z[i];
+Eigen::VectorXd base_at_rest(const Hypothesis& hypothesis, const Fit& from) {
+  auto z = at_rest(hypothesis);
+  for (auto i = static_cast<Eigen::Index>(hypothesis.base_count); i < from.z.size(); ++i) z[i] = from.z[i];
   return z;
 }
 
@@ -34,16 +33,20 @@ Trial refit(const Misfit& misfit, const Fit& from, const Fit& base, const Screen
   out.effects = before;
   out.effects.push_back(s.effect);
   const auto hypothesis = with_effect(from.hypothesis, *s.effect, s.values);
-  Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hypothesis.coordinates.size()));
-  z.head(from.z.size()) = from.z - Projection(from).taken(s.response + from.residual);
-  // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base stands.
-  if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
-  // Without the effect the parameters may have gone far astray; with it, what was given is the better start.
-  auto from_rest = limits;
-  from_rest.refreshes = 2;
-  out.fit = from.squares > astray * static_cast<double>(misfit.size())
-                ? fit(misfit, hypothesis, at_rest(hypothesis, from), from_rest)
-                : fit(misfit, hypothesis, z, limits, &from);
+  if (from.squares > astray * static_cast<double>(misfit.size())) {
+    // Without the effect the parameters may have gone far astray; with it, what was given is the better
+    // start.
+    auto from_rest = limits;
+    from_rest.refreshes = 2;
+    out.fit = fit(misfit, hypothesis, base_at_rest(hypothesis, from), from_rest);
+  } else {
+    auto z = at_rest(hypothesis);
+    z.head(from.z.size()) = from.z - Projection(from).taken(s.response + from.residual);
+    // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base
+    // stands.
+    if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
+    out.fit = fit(misfit, hypothesis, z, limits, &from);
+  }
   out.drop = base.squares - out.fit.squares;
   return out;
 }

@@ -81,8 +81,7 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
       std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
       for (std::size_t i = begin; i < end; ++i) {
         hypotheses.push_back(with_effect(fit.hypothesis, *out[open[i]->effect].effect, values_of(*open[i])));
-        Eigen::VectorXd z =
-            Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hypotheses.back().coordinates.size()));
+        auto z = at_rest(hypotheses.back());
         z.head(fit.z.size()) = fit.z;
         places.emplace_back(&hypotheses.back(), std::move(z));
       }

@@ -115,10 +115,6 @@ std::vector<const Effect*> candidates_of(const Model& model, const std::vector<s
   return out;
 }
 
-Eigen::VectorXd at_rest(const Hypothesis& h) {
-  return Eigen::VectorXd::Zero(static_cast<Eigen::Index>(h.coordinates.size()));
-}
-
 SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
                                     const SimulationOptions& fine, Health& health) {
   constexpr double well_below = 0.35;  // of the noise; what there is of it is corrected for

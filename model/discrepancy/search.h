@@ -15,8 +15,6 @@ std::vector<const Effect*> candidates_of(const Model& model, const std::vector<s
 // leads to. The error of `fine`, which corrects it, goes to `health`.
 SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
                                     const SimulationOptions& fine, Health& health);
-// Where nothing has moved.
-Eigen::VectorXd at_rest(const Hypothesis& hypothesis);
 
 struct SearchOptions {
   std::vector<const Effect*> candidates;

@@ -6,8 +6,6 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr double stroke_known_to = 0.005, creep_known_to = 0.2;
-// Of a run; the shipped models take some thousands. What makes the model stiffer is not what is looked for.
-constexpr std::uint64_t most_steps = 20000;
 constexpr double shortest_of_interest = 0.01;  // s; creep over seconds does not show less
 
 // "prestress_MPa" 8: "8 MPa"
@@ -53,7 +51,7 @@ Misfit::Times TableMisfit::times() const {
 void TableMisfit::fill(const Setting& setting, std::size_t, Eigen::VectorXd& out) const {
   std::vector<double> errors;
   auto options = simulation();
-  options.most_steps = most_steps;
+  options.most_steps = most_steps_of_a_run;
   try {
     for (const auto& comparison : experiments_.simulate(setting.model, options))
       for (const auto& cell : comparison.cells) errors.push_back(log_error(cell));

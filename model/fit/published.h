@@ -1,6 +1,7 @@
 // The experiments behind published tables, simulated.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
@@ -12,6 +13,10 @@
 #include "recordings/tables/comparison.h"
 
 namespace ferrobench::model {
+
+// Of a run; the shipped models take some thousands. A search that strays into models stiffer than that turns
+// back.
+inline constexpr std::uint64_t most_steps_of_a_run = 20000;
 
 class PublishedExperiments {
  public:

@@ -7,10 +7,6 @@
 namespace ferrobench::model {
 namespace {
 
-// Of a run; the shipped models take some thousands. A search that strays into models stiffer than that turns
-// back.
-constexpr std::uint64_t most_steps = 20000;
-
 class TableTarget final : public FitTarget {
  public:
   TableTarget(const std::vector<std::string>& tables, const std::map<std::string, double>& parameters)
@@ -24,7 +20,7 @@ class TableTarget final : public FitTarget {
   void residuals(const Model& model, const SimulationOptions& options, std::span<double> out) const override {
     std::size_t next = 0;
     auto bounded = options;
-    if (bounded.most_steps == 0) bounded.most_steps = most_steps;
+    if (bounded.most_steps == 0) bounded.most_steps = most_steps_of_a_run;
     for (const auto& [table, cells, scale, error] : experiments_.simulate(model, bounded)) {
       std::vector<double> logs;
       for (const auto& cell : cells) {

@@ -5,6 +5,7 @@
 
 #include <random>
 
+#include "model/discrepancy/bench.h"
 #include "model/discrepancy/discover.h"
 #include "model/discrepancy/noise.h"
 #include "model/discrepancy/report.h"
@@ -153,6 +154,28 @@ TEST(Discrepancy, AMeasuredDriveIsUncertain) {
   const auto found = discover(given(), recordings);
   EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
   EXPECT_NEAR(found.recalibrated.at("offset.field").to, 2e4, 4 * found.recalibrated.at("offset.field").std);
+}
+
+// Steps that a double holds exactly: the estimate of the noise is zero.
+TEST(Discrepancy, AMeasuredDriveMayBeExact) {
+  recordings::Recording r;
+  std::vector<double> field;
+  for (int i = 0; i <= 800; ++i) {
+    r.time.push_back(i / 128.0);
+    field.push_back(8192.0 * (i <= 200 ? i : i <= 600 ? 400 - i : i - 800));
+  }
+  const auto m = given();
+  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                       m.actuator.layer_count};
+  r.set(Channel::charge) = simulate(m, r.time, field).charge;
+  r.set(Channel::field) = field;
+  std::vector<std::string> warnings;
+  const auto drive = discrepancy::prepare(m, {{"exact", r}}, 2000, warnings).front();
+  ASSERT_EQ(drive.knot_field.size(), 4U);
+  EXPECT_NEAR(drive.knot_field[1], 8192 * 200, 1);
+  EXPECT_NEAR(drive.knot_field[2], -8192 * 200, 1);
+  EXPECT_NEAR(drive.knot_time[1], 200 / 128.0, 1e-6);
+  EXPECT_TRUE(drive.knot_error.allFinite());
 }
 
 TEST(Discrepancy, MovedParametersAreNoEffect) {
