@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <thread>
 
 #include "model/discrepancy/experiment.h"
+#include "model/discrepancy/left_out.h"
 #include "model/discrepancy/proof.h"
 #include "model/discrepancy/report.h"
 #include "model/discrepancy/search.h"
@@ -35,41 +35,38 @@ using Clock = std::chrono::steady_clock;
 struct Session {
   explicit Session(const DiscoverOptions& given) : options(given) {}
   const DiscoverOptions& options;
+  Ticker tick = ticker(options);
+  int threads = threads_of(options);
   Clock::time_point begin = Clock::now();
   Discovery out;
   std::vector<BenchRecording> bench;
   std::vector<std::vector<NoiseModel>> noise;
   std::vector<std::size_t> train, held_out;
-  int threads = 1;
-
-  void tick(const std::string& stage, double fraction) const {
-    if (options.progress && !options.progress({stage, fraction}))
-      throw Error(ErrorCode::cancelled, "the search was stopped");
-  }
 };
 
 void split(Session& s) {
   auto held = choose_held_out(s.bench);
   if (!s.options.held_out.empty()) {
-    std::fill(held.begin(), held.end(), false);
-    for (const auto& name : s.options.held_out) {
-      const auto found = std::ranges::find(s.bench, name, &BenchRecording::name);
-      if (found == s.bench.end()) {
-        std::vector<std::string> names;
-        for (const auto& r : s.bench) names.push_back(r.name);
-        throw Error(
-            ErrorCode::invalid_params, "there is no such recording to hold out",
-            Problem{.path = "/held_out", .message = "is not among them", .given = name, .allowed = names});
-      }
-      held[static_cast<std::size_t>(found - s.bench.begin())] = true;
-    }
+    std::vector<std::string> names;
+    for (const auto& r : s.bench) names.push_back(r.name);
+    check_held_out(s.options.held_out, names);
+    for (std::size_t i = 0; i < names.size(); ++i)
+      held[i] = std::ranges::find(s.options.held_out, names[i]) != s.options.held_out.end();
   }
   for (std::size_t i = 0; i < s.bench.size(); ++i) {
     (held[i] ? s.held_out : s.train).push_back(i);
     (held[i] ? s.out.held_out : s.out.train).recordings.push_back(s.bench[i].name);
   }
-  if (s.train.empty())
-    throw Error(ErrorCode::invalid_params, "all recordings are held out: there is nothing to learn from");
+}
+
+LeftOut left_out(const RecordingMisfit& misfit, const std::vector<double>& base, const Fit& with) {
+  LeftOut out{.recordings = base.size()};
+  const auto squares = squares_left_out(misfit, with);
+  for (std::size_t i = 0; i < base.size(); ++i) {
+    out.gain += base[i] - squares[i];
+    out.better += squares[i] < base[i] ? 1 : 0;
+  }
+  return out;
 }
 
 }  // namespace
@@ -77,8 +74,6 @@ void split(Session& s) {
 Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
                    const DiscoverOptions& options) {
   Session s(options);
-  s.threads = options.threads > 0 ? options.threads
-                                  : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   s.tick("reading the recordings", 0);
   const auto candidates = candidates_of(base, options.candidates);
   s.bench = prepare(base, recordings, rows_together, s.out.health.warnings);
@@ -111,12 +106,17 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
                     fine.allow_as(misfit);
                   },
               .beyond_effects = [&](const Fit& f) { return explained_by_signals(misfit, f).beyond_chance; },
-              .tick = [&](const std::string& stage, double f) { s.tick(stage, f); }},
+              .tick = s.tick},
              s.out.health);
 
   auto& out = s.out;
   tell(found, out);
   const Fit &fitted = found.base, &after = found.after();
+  if (s.train.size() > 1 && !out.explanations.empty()) {
+    const auto without = squares_left_out(misfit, fitted);
+    for (std::size_t i = 0; i < out.explanations.size(); ++i)
+      out.explanations[i].left_out = left_out(misfit, without, found.judgement.trials[i].first->fit);
+  }
   if (out.verdict == Verdict::unknown) {
     const auto explained = explained_by_signals(misfit, fitted);
     out.family = explained.family;

@@ -40,9 +40,16 @@ struct EffectEstimate {
   std::vector<Parameter> parameters;
 };
 
+// Each recording that was learned from, predicted from the others (discrepancy/left_out.h).
+struct LeftOut {
+  std::size_t recordings = 0, better = 0;  // than by the base model
+  double gain = 0;                         // of the sum of squares over all of them
+};
+
 struct Explanation {
   std::vector<EffectEstimate> effects;
   double probability = 0;
+  std::optional<LeftOut> left_out;
 };
 
 // Root mean square of the residual over noise, of one channel in one kind of segment of one recording.

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <thread>
 
 #include "model/discrepancy/report.h"
 #include "model/discrepancy/search.h"
@@ -27,14 +26,8 @@ std::vector<std::string> runs_of(const std::vector<TableCell>& cells) {
 
 std::vector<std::string> choose_locked(const std::vector<std::string>& runs,
                                        const std::vector<std::string>& wanted, std::size_t cells) {
-  for (const auto& name : wanted)
-    if (std::ranges::find(runs, name) == runs.end())
-      throw Error(
-          ErrorCode::invalid_params, "there is no such run to hold out",
-          Problem{.path = "/held_out", .message = "is not among them", .given = name, .allowed = runs});
   if (!wanted.empty()) {
-    if (wanted.size() >= runs.size())
-      throw Error(ErrorCode::invalid_params, "all runs are held out: there is nothing to learn from");
+    check_held_out(wanted, runs);
     return wanted;
   }
   if (runs.size() < 3 || cells < few_cells) return {};
@@ -59,14 +52,9 @@ ChannelFigures rms_by_channel(const std::vector<TableCell>& cells, const std::ve
 Discovery discover_in_tables(const Model& base, const std::vector<std::string>& tables,
                              const DiscoverOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
-  const auto tick = [&](const std::string& stage, double fraction) {
-    if (options.progress && !options.progress({stage, fraction}))
-      throw Error(ErrorCode::cancelled, "the search was stopped");
-  };
+  const auto tick = ticker(options);
+  const int threads = threads_of(options);
   Discovery out;
-  const int threads = options.threads > 0
-                          ? options.threads
-                          : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   const PublishedExperiments experiments(tables);
   const auto cells = cells_of(experiments);
   const auto runs = runs_of(cells);

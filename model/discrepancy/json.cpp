@@ -27,7 +27,11 @@ json explanation(const Explanation& e) {
     }
     effects.push_back({{"id", effect.id}, {"parameters", parameters}, {"intervals", intervals}});
   }
-  return {{"effects", effects}, {"probability", e.probability}};
+  json out{{"effects", effects}, {"probability", e.probability}};
+  if (e.left_out)
+    out["left_out"] = {
+        {"recordings", e.left_out->recordings}, {"better", e.left_out->better}, {"gain", e.left_out->gain}};
+  return out;
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <set>
 
@@ -14,6 +15,7 @@ constexpr double small_against = 1e-4;
 constexpr double astray = 1.2;          // sum of squares over their number
 constexpr double most_squares = 1.2;    // likewise: the noise's level is estimated to a few percent
 constexpr double far_from_enough = 10;  // times what may be left
+constexpr double far_worse = 3;         // a sum of squares than another
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
                                    const std::vector<const Effect*>& some) {
@@ -89,9 +91,10 @@ class Namer {
   }
 
   Fit rest_of(const Fit& from);
-  Fit from_rest(const Fit& rest, const Effect& effect, const Starts& starts, const FitLimits& limits) const;
+  Fit from_rest(const Fit& rest, const Effect& effect, const Starts& starts, const FitLimits& limits,
+                double rival) const;
   Trial refit(const Fit& from, const std::vector<const Effect*>& before, const Screened& s,
-              const FitLimits& limits);
+              const FitLimits& limits, const std::vector<Trial>& rivals);
   Trial alone(const Trial& pair, std::size_t which) const;
   void polish(Trial& t, const std::function<void()>& in_between) const;
   std::vector<Screened> check(Trial& t, bool seconds_wanted, double from, double to) const;
@@ -123,9 +126,10 @@ Fit Namer::rest_of(const Fit& from) {
   return f;
 }
 
-// A few steps from each start, and to the end from the best.
-Fit Namer::from_rest(const Fit& rest, const Effect& effect, const Starts& starts,
-                     const FitLimits& limits) const {
+// A few steps from each start; from the best to the end, unless it is far worse than `rival`, a sum of
+// squares.
+Fit Namer::from_rest(const Fit& rest, const Effect& effect, const Starts& starts, const FitLimits& limits,
+                     double rival) const {
   std::optional<Fit> best;
   for (const auto& values : starts) {
     const auto hypothesis = with_effect(rest.hypothesis, effect, values);
@@ -135,18 +139,21 @@ Fit Namer::from_rest(const Fit& rest, const Effect& effect, const Starts& starts
                  &rest);
     if (!best || f.squares < best->squares) best = std::move(f);
   }
-  return limits.iterations > 0 ? fit(misfit_, best->hypothesis, best->z, limits, &*best) : *std::move(best);
+  if (best->squares > far_worse * rival) return *std::move(best);
+  return fit(misfit_, best->hypothesis, best->z, limits, &*best);
 }
 
 Trial Namer::refit(const Fit& from, const std::vector<const Effect*>& before, const Screened& s,
-                   const FitLimits& limits) {
+                   const FitLimits& limits, const std::vector<Trial>& rivals) {
   Trial out;
   out.effects = before;
   out.effects.push_back(s.effect);
   if (from.squares > astray * samples_) {
-    auto to_the_end = limits;
-    to_the_end.refreshes = 2;
-    out.fit = from_rest(rest_of(from), *s.effect, starts_around(*s.effect, s.values), to_the_end);
+    double rival = std::numeric_limits<double>::infinity();
+    for (const auto& t : rivals) rival = std::min(rival, t.fit.squares);
+    // A second one was screened beside the first, so its strength is about right.
+    const auto starts = before.empty() ? starts_around(*s.effect, s.values) : Starts{s.values};
+    out.fit = from_rest(rest_of(from), *s.effect, starts, limits, rival);
     if (before.empty()) from_rest_.insert(s.effect);
   } else {
     const auto hypothesis = with_effect(from.hypothesis, *s.effect, s.values);
@@ -224,7 +231,8 @@ void Namer::try_singles() {
       break;
     out_.trials.push_back(
         refit(base_, {}, s,
-              limits(1, "refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i))));
+              limits(1, "refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i)),
+              out_.trials));
   }
   best_first(out_.trials);
 }
@@ -244,13 +252,11 @@ void Namer::try_from_rest() {
   const Fit rest = rest_of(base_);
   std::vector<Trial> rested;
   const auto stage = limits(2, "starting again from what was given", 0.98);
-  auto few = stage;
-  few.iterations = 0;
   for (const auto* e : options_.candidates) {
     if (!of_the_material(*e) || from_rest_.contains(e)) continue;
     Trial t;
     t.effects = {e};
-    t.fit = from_rest(rest, *e, starts_of(*e), few);
+    t.fit = from_rest(rest, *e, starts_of(*e), stage, 0);
     t.drop = base_.squares - t.fit.squares;
     rested.push_back(std::move(t));
   }
@@ -282,7 +288,8 @@ void Namer::try_pairs(const std::vector<std::vector<Screened>>& seconds) {
       pairs.push_back(refit(
           first.fit, first.effects, s,
           limits(1, "two effects: " + std::string(first.effects[0]->id) + " and " + std::string(s.effect->id),
-                 0.65 + 0.2 * done)));
+                 0.65 + 0.2 * done),
+          pairs));
     }
   }
   best_first(pairs);

@@ -154,6 +154,13 @@ std::vector<Section> sections(const Discovery& d) {
     proof.lines.emplace_back(
         "There were too few recordings to lock one away: there is no proof on unseen data.");
   proof.lines.push_back(gap_sentence("On the others", d.train));
+  if (d.verdict != Verdict::nothing_missing && !d.explanations.empty() && d.explanations.front().left_out) {
+    const auto& l = *d.explanations.front().left_out;
+    proof.lines.push_back(fmt::format(
+        "Each of the others predicted from the rest: with {} {} of {} come out better than without, "
+        "and the sum of squared residuals falls by {:.3g}.",
+        names_of(d.explanations.front()), l.better, l.recordings, l.gain));
+  }
   out.push_back(proof);
   Section rivals{"Alternatives", {}};
   for (std::size_t i = 1; i < d.explanations.size() && i < 4; ++i)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <thread>
 
 namespace ferrobench::model::discrepancy {
 namespace {
@@ -88,19 +89,36 @@ void equivalences(Discovery& out, const Naming& naming, double samples, double c
 
 }  // namespace
 
+int threads_of(const DiscoverOptions& options) {
+  return options.threads > 0 ? options.threads
+                             : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
+Ticker ticker(const DiscoverOptions& options) {
+  return [&options](const std::string& stage, double fraction) {
+    if (options.progress && !options.progress({stage, fraction}))
+      throw Error(ErrorCode::cancelled, "the search was stopped");
+  };
+}
+
+void check_held_out(const std::vector<std::string>& wanted, const std::vector<std::string>& names) {
+  for (const auto& name : wanted)
+    if (std::ranges::find(names, name) == names.end())
+      throw Error(
+          ErrorCode::invalid_params, "\"" + name + "\" cannot be held out",
+          Problem{.path = "/held_out", .message = "is not among them", .given = name, .allowed = names});
+  if (std::ranges::all_of(names, [&](const auto& n) { return std::ranges::find(wanted, n) != wanted.end(); }))
+    throw Error(ErrorCode::invalid_params, "everything is held out: there is nothing to learn from");
+}
+
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted) {
   std::vector<const Effect*> out;
   for (const auto& id : wanted) find_effect(id);
   for (const auto& effect : effect_catalogue()) {
     if (!wanted.empty() && std::ranges::find(wanted, effect.id) == wanted.end()) continue;
     // What the model has already is recalibrated, not found.
-    const bool has =
-        std::ranges::any_of(model.effects, [&](const auto& s) { return s.id == effect.id; }) ||
-        (effect.id == "barrier_distribution" && model.polycrystal.barrier_log_std != 0) ||
-        (effect.id == "interaction_field_distribution" && model.polycrystal.interaction_field_std != 0) ||
-        (effect.id == "internal_bias_field" && model.polycrystal.bias_field != 0) ||
-        (effect.id == "passive_layer_compliance" && model.actuator.passive_stiffness);
-    if (has) continue;
+    if (std::ranges::any_of(model.effects, [&](const auto& s) { return s.id == effect.id; })) continue;
+    if (effect.in_base && effect.in_base(model)) continue;
     try {
       std::vector<double> values;
       for (const auto& p : effect.parameters) values.push_back(std::sqrt(p.low * p.high));
@@ -162,7 +180,7 @@ void tell(const Search& s, Discovery& out) {
   out.probability_nothing = s.judgement.probability_nothing;
   if (out.verdict != Verdict::nothing_missing)
     for (const auto& [trial, probability] : s.judgement.trials)
-      out.explanations.push_back({estimates(*trial), probability});
+      out.explanations.push_back({estimates(*trial), probability, {}});
   if (s.best != nullptr) out.family = s.best->effects.front()->family;
   out.recalibrated = recalibrations(s.after());
   out.recalibrated_base = model_at(s.base, "Recalibrated.");

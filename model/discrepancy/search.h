@@ -7,6 +7,14 @@
 
 namespace ferrobench::model::discrepancy {
 
+// What both kinds of bench, recordings and tables, take from the options.
+int threads_of(const DiscoverOptions& options);
+// Reports progress; throws Error(cancelled) if that is wanted. `options` must outlive it.
+using Ticker = std::function<void(const std::string& stage, double fraction)>;
+Ticker ticker(const DiscoverOptions& options);
+// Throws Error(invalid_params) unless all of `wanted` are among `names`, and not all of these.
+void check_held_out(const std::vector<std::string>& wanted, const std::vector<std::string>& names);
+
 // Effects that may be named: those of the catalogue (of `wanted` if there are any) that the model has not
 // got and that mean something for it.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
@@ -23,7 +31,7 @@ struct SearchOptions {
   std::function<void(const Fit&)> roughly_fitted;
   // What functions of the signals would still take off the sum of squares; absent: not asked.
   std::function<double(const Fit&)> beyond_effects;
-  std::function<void(const std::string& stage, double fraction)> tick;
+  Ticker tick;
 };
 
 struct Search {

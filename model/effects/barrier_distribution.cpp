@@ -12,10 +12,12 @@ Effect effect_barrier_distribution() {
           .family = Family::kinetics,
           .parameters = {{"log_std", "1", 0.02, 1.0}},
           .shows = "all channels; switching drawn out over field and time",
-          .install = [](std::span<const double> v, Model& model, Ports&) {
-            auto& p = domains_of(model, "barrier_distribution");
-            p.barrier_log_std = std::hypot(p.barrier_log_std, v[0]);
-          }};
+          .install =
+              [](std::span<const double> v, Model& model, Ports&) {
+                auto& p = domains_of(model, "barrier_distribution");
+                p.barrier_log_std = std::hypot(p.barrier_log_std, v[0]);
+              },
+          .in_base = [](const Model& m) { return m.polycrystal.barrier_log_std != 0; }};
 }
 
 }  // namespace ferrobench::model::effects

@@ -59,6 +59,9 @@ struct Effect {
   // Plugs the effect in; values in the order of `parameters`. `model` may be changed where the effect is a
   // base parameter that was absent.
   std::function<void(std::span<const double> values, Model& model, Ports& ports)> install;
+  // Where it is a base parameter: whether a model has that already. Such an effect is recalibrated, not
+  // found.
+  std::function<bool(const Model& model)> in_base{};
 };
 
 // All effects, by id.

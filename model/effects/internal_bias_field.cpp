@@ -9,9 +9,9 @@ Effect effect_internal_bias_field() {
           .family = Family::kinetics,
           .parameters = {{"field", "V/m", 5e3, 1e6, Sign::any}},
           .shows = "all channels; loops shifted along the field",
-          .install = [](std::span<const double> v, Model& model, Ports&) {
-            domains_of(model, "internal_bias_field").bias_field += v[0];
-          }};
+          .install = [](std::span<const double> v, Model& model,
+                        Ports&) { domains_of(model, "internal_bias_field").bias_field += v[0]; },
+          .in_base = [](const Model& m) { return m.polycrystal.bias_field != 0; }};
 }
 
 }  // namespace ferrobench::model::effects

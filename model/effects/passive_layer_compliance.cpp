@@ -9,10 +9,12 @@ Effect effect_passive_layer_compliance() {
           .family = Family::equilibrium,
           .parameters = {{"stiffness", "N/m", 1e6, 1e10, Sign::off_at_infinity}},
           .shows = "displacement and force with a spring: less of both, at every time",
-          .install = [](std::span<const double> v, Model& model, Ports&) {
-            auto& stiffness = model.actuator.passive_stiffness;
-            stiffness = stiffness ? 1 / (1 / *stiffness + 1 / v[0]) : v[0];
-          }};
+          .install =
+              [](std::span<const double> v, Model& model, Ports&) {
+                auto& stiffness = model.actuator.passive_stiffness;
+                stiffness = stiffness ? 1 / (1 / *stiffness + 1 / v[0]) : v[0];
+              },
+          .in_base = [](const Model& m) { return m.actuator.passive_stiffness.has_value(); }};
 }
 
 }  // namespace ferrobench::model::effects

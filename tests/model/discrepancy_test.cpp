@@ -12,6 +12,7 @@
 #include "model/fit/fit.h"
 #include "model/fit/parameters.h"
 #include "model/simulator.h"
+#include "recordings/file.h"
 
 namespace ferrobench::model {
 namespace {
@@ -108,6 +109,11 @@ TEST(Discrepancy, TheStory) {
   ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
   ASSERT_EQ(found.explanations.front().effects.size(), 1U);
   const auto& effect = found.explanations.front().effects.front();
+  const auto& left_out = found.explanations.front().left_out;
+  ASSERT_TRUE(left_out);
+  EXPECT_EQ(left_out->recordings, found.train.recordings.size());
+  EXPECT_EQ(left_out->better, left_out->recordings);
+  EXPECT_GT(left_out->gain, 0);
   EXPECT_EQ(effect.id, "electrostriction");
   EXPECT_NEAR(effect.parameters.front().value, 3e-17, 3e-18);
   EXPECT_LT(effect.parameters.front().low, effect.parameters.front().value);
@@ -143,6 +149,50 @@ TEST(Discrepancy, NamesALimitThatFewRampsPass) {
   ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
   EXPECT_EQ(found.explanations.front().effects.front().id, "amplifier_slew_limit");
   EXPECT_NEAR(found.explanations.front().effects.front().parameters.front().value, 4e6, 4e4);
+}
+
+// What the second one does is a thousandth of the first one's part.
+TEST(Discrepancy, NamesAWeakEffectBesideAStrongOne) {
+  auto bench = real_bench();
+  bench.effects.push_back({"charge_offset_current", {{"current", 6e-6}}});
+  bench.effects.push_back({"displacement_nonlinearity", {{"coefficient", -800}}});
+  const auto found = discover(given(), measure(bench));
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  std::vector<std::string> ids;
+  for (const auto& e : found.explanations.front().effects) ids.push_back(e.id);
+  EXPECT_THAT(ids, testing::UnorderedElementsAre("charge_offset_current", "displacement_nonlinearity"));
+}
+
+// Without the spread of fields the recalibration goes to where the spread seems to be of no help.
+TEST(Discrepancy, NamesWhatTheParametersHadMadeUpFor) {
+  auto base = given();
+  base.polycrystal.interaction_field_std = 0;
+  auto bench = real_bench();
+  bench.polycrystal.interaction_field_std = 7e4;
+  const auto found = discover(base, measure(bench));
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  EXPECT_EQ(found.explanations.front().effects.front().id, "interaction_field_distribution");
+  EXPECT_NEAR(found.explanations.front().effects.front().parameters.front().value, 7e4, 4e3);
+}
+
+// Another program's trajectories of this model with noise: what two programs differ by is no effect.
+TEST(Discrepancy, AnotherProgramIsNoEffect) {
+  std::vector<NamedRecording> recordings;
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  for (const std::string name : {"full_loops", "creep_holds", "minor_loops"}) {
+    auto r = recordings::read_recording(std::string(MODEL_REFERENCE) + "/polycrystal_" + name + ".h5");
+    for (const auto channel : {Channel::field, Channel::charge, Channel::displacement, Channel::force}) {
+      auto& values = *r.channels[static_cast<std::size_t>(channel)];
+      const auto [low, high] = std::minmax_element(values.begin(), values.end());
+      const double noise = 1e-3 * (*high - *low);
+      for (double& v : values) v += noise * normal(random);
+    }
+    recordings.push_back({name, std::move(r)});
+  }
+  const auto model = model_from_json(recordings.front().recording.header.model);
+  const auto found = discover(model, recordings);
+  EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
 }
 
 TEST(Discrepancy, AMeasuredDriveIsUncertain) {
