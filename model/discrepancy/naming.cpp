@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 #include <set>
+#include <utility>
 
 namespace ferrobench::model::discrepancy {
 namespace {
@@ -16,6 +17,9 @@ constexpr double astray = 1.2;          // sum of squares over their number
 constexpr double most_squares = 1.2;    // likewise: the noise's level is estimated to a few percent
 constexpr double far_from_enough = 10;  // times what may be left
 constexpr double far_worse = 3;         // a sum of squares than another
+constexpr std::size_t most_starts = 3;
+// Times what may be left: what is further from enough is not searched on.
+constexpr double within_reach = 30, hopeless = 1000;
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
                                    const std::vector<const Effect*>& some) {
@@ -84,87 +88,126 @@ class Namer {
               tick(stage, fraction);
             }};
   }
+  static FitLimits few_steps(int iterations, const std::function<void()>& in_between) {
+    return {.iterations = iterations, .refreshes = 0, .enough = 1, .tick = in_between};
+  }
   double allowed(const Trial& t) const { return allowed_left(options_, t.drop); }
   bool is_enough(const Trial& t) const { return t.checked && t.left < allowed(t); }
+  bool far_off(const Trial& t, double times) const { return !t.checked || t.left > times * allowed(t); }
   void best_first(std::vector<Trial>& trials) const {
     std::ranges::stable_sort(trials, std::greater<>(), [&](const Trial& t) { return score(t, samples_); });
   }
 
-  Fit rest_of(const Fit& from);
-  Fit from_rest(const Fit& rest, const Effect& effect, const Starts& starts, const FitLimits& limits,
-                double rival) const;
+  const Fit& rest_of(const Fit& from);
+  Fit from_rest(const Fit& rest, const Effect& effect, const Starts& starts,
+                const std::function<void()>& in_between) const;
+  Fit from_base(const Fit& from, const Screened& s, const FitLimits& limits) const;
   Trial refit(const Fit& from, const std::vector<const Effect*>& before, const Screened& s,
-              const FitLimits& limits, const std::vector<Trial>& rivals);
+              const FitLimits& limits);
+  void go_on(std::vector<Trial>& trials, const FitLimits& limits) const;
   Trial alone(const Trial& pair, std::size_t which) const;
   void polish(Trial& t, const std::function<void()>& in_between) const;
   std::vector<Screened> check(Trial& t, bool seconds_wanted, double from, double to) const;
   void try_singles();
   void compare_the_best();
+  void add_pairs(const Trial& first, const std::vector<Screened>& seconds, double from, double to);
+  bool check_pairs(double from, double to);
+  bool try_halves(bool found);
   void try_from_rest();
-  void try_pairs(const std::vector<std::vector<Screened>>& seconds);
-  void try_alone();
 
   const Misfit& misfit_;
   const Misfit& fine_;
   const Fit& base_;
   const NamingOptions& options_;
   double samples_;
-  std::optional<Fit> rest_;            // of the base
-  std::set<const Effect*> from_rest_;  // singles that were fitted from there
+  std::optional<Fit> rest_;  // of the fit with this sum of squares
+  double rest_from_ = 0;
+  std::set<const Effect*> from_rest_;           // singles that were fitted from there
+  std::vector<Trial> pairs_;                    // best first
+  std::set<std::set<std::string_view>> tried_;  // of them
   Naming out_;
 };
 
 // The base parameters as given, effects as they stand: without an effect that is there the parameters may
 // have gone far astray, and with it, what was given is the better start.
-Fit Namer::rest_of(const Fit& from) {
-  if (&from == &base_ && rest_) return *rest_;
-  Fit f = from;
-  f.z.head(static_cast<Eigen::Index>(from.hypothesis.base_count)).setZero();
-  f.residual = f.corrected(misfit_.residuals(f.hypothesis, f.z));
-  refresh(misfit_, f);
-  if (&from == &base_) rest_ = f;
-  return f;
+const Fit& Namer::rest_of(const Fit& from) {
+  if (rest_ && rest_from_ == from.squares) return *rest_;
+  rest_from_ = from.squares;
+  rest_ = from;
+  rest_->z.head(static_cast<Eigen::Index>(from.hypothesis.base_count)).setZero();
+  correct(misfit_, fine_, *rest_);
+  refresh(misfit_, *rest_);
+  return *rest_;
 }
 
-// A few steps from each start; from the best to the end, unless it is far worse than `rival`, a sum of
-// squares.
-Fit Namer::from_rest(const Fit& rest, const Effect& effect, const Starts& starts, const FitLimits& limits,
-                     double rival) const {
-  std::optional<Fit> best;
+// A few steps from each start, the best of them.
+Fit Namer::from_rest(const Fit& rest, const Effect& effect, const Starts& starts,
+                     const std::function<void()>& in_between) const {
+  std::vector<Fit> begun;
   for (const auto& values : starts) {
     const auto hypothesis = with_effect(rest.hypothesis, effect, values);
     auto z = at_rest(hypothesis);
     z.head(rest.z.size()) = rest.z;
-    auto f = fit(misfit_, hypothesis, z, {.iterations = 5, .refreshes = 0, .enough = 1, .tick = limits.tick},
-                 &rest);
-    if (!best || f.squares < best->squares) best = std::move(f);
+    begun.push_back(fit(misfit_, hypothesis, z, few_steps(1, in_between), &rest));
   }
-  if (best->squares > far_worse * rival) return *std::move(best);
-  return fit(misfit_, best->hypothesis, best->z, limits, &*best);
+  std::ranges::sort(begun, {}, &Fit::squares);
+  if (begun.size() > most_starts) begun.resize(most_starts);
+  for (auto& f : begun) f = fit(misfit_, f.hypothesis, f.z, few_steps(4, in_between), &f);
+  return std::move(*std::ranges::min_element(begun, {}, &Fit::squares));
 }
 
+// From where the base stands, with what the parameters would give up for the effect.
+Fit Namer::from_base(const Fit& from, const Screened& s, const FitLimits& limits) const {
+  const auto hypothesis = with_effect(from.hypothesis, *s.effect, s.values);
+  auto z = at_rest(hypothesis);
+  z.head(from.z.size()) = from.z - Projection(from).taken(s.response + from.residual);
+  // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base
+  // stands.
+  if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
+  return fit(misfit_, hypothesis, z, limits, &from);
+}
+
+// One more effect on `from`. Where that is astray, only begun.
 Trial Namer::refit(const Fit& from, const std::vector<const Effect*>& before, const Screened& s,
-                   const FitLimits& limits, const std::vector<Trial>& rivals) {
+                   const FitLimits& limits) {
   Trial out;
   out.effects = before;
   out.effects.push_back(s.effect);
   if (from.squares > astray * samples_) {
-    double rival = std::numeric_limits<double>::infinity();
-    for (const auto& t : rivals) rival = std::min(rival, t.fit.squares);
+    out.fit = from_base(from, s, few_steps(5, limits.tick));
     // A second one was screened beside the first, so its strength is about right.
     const auto starts = before.empty() ? starts_around(*s.effect, s.values) : Starts{s.values};
-    out.fit = from_rest(rest_of(from), *s.effect, starts, limits, rival);
+    auto rested = from_rest(rest_of(from), *s.effect, starts, limits.tick);
+    if (rested.squares < out.fit.squares) out.fit = std::move(rested);
     if (before.empty()) from_rest_.insert(s.effect);
+    out.begun = true;
   } else {
-    const auto hypothesis = with_effect(from.hypothesis, *s.effect, s.values);
-    auto z = at_rest(hypothesis);
-    z.head(from.z.size()) = from.z - Projection(from).taken(s.response + from.residual);
-    // The priors pull too; the fit sorts that out. Where the linear guess is wild, start where the base
-    // stands.
-    if ((z.head(from.z.size()) - from.z).cwiseAbs().maxCoeff() > 5) z.head(from.z.size()) = from.z;
-    out.fit = fit(misfit_, hypothesis, z, limits, &from);
+    out.fit = from_base(from, s, limits);
   }
   out.drop = base_.squares - out.fit.squares;
+  return out;
+}
+
+// Goes on with those that are only begun, unless they are far worse than the best.
+void Namer::go_on(std::vector<Trial>& trials, const FitLimits& limits) const {
+  best_first(trials);
+  const double rival = trials.empty() ? 0 : trials.front().fit.squares;
+  for (auto& t : trials) {
+    if (!std::exchange(t.begun, false) || t.fit.squares > far_worse * rival) continue;
+    t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, limits, &t.fit);
+    t.drop = base_.squares - t.fit.squares;
+  }
+  best_first(trials);
+}
+
+// Where the parameters of a trial's effect stand.
+std::vector<double> values_in(const Trial& t, std::size_t which) {
+  const auto& h = t.fit.hypothesis;
+  std::size_t i = h.base_count;
+  for (std::size_t k = 0; k < which; ++k) i += t.effects[k]->parameters.size();
+  std::vector<double> out;
+  for (std::size_t k = 0; k < t.effects[which]->parameters.size(); ++k, ++i)
+    out.push_back(h.coordinates[i].value(t.fit.z[static_cast<Eigen::Index>(i)]));
   return out;
 }
 
@@ -173,12 +216,7 @@ Trial Namer::alone(const Trial& pair, std::size_t which) const {
   Trial out;
   out.effects = {pair.effects[which]};
   const auto& h = pair.fit.hypothesis;
-  std::vector<double> values;
-  std::size_t i = h.base_count;
-  for (std::size_t k = 0; k < which; ++k) i += pair.effects[k]->parameters.size();
-  for (std::size_t k = 0; k < out.effects[0]->parameters.size(); ++k, ++i)
-    values.push_back(h.coordinates[i].value(pair.fit.z[static_cast<Eigen::Index>(i)]));
-  const auto hypothesis = with_effect(base_.hypothesis, *out.effects[0], values);
+  const auto hypothesis = with_effect(base_.hypothesis, *out.effects[0], values_in(pair, which));
   auto z = at_rest(hypothesis);
   z.head(static_cast<Eigen::Index>(h.base_count)) = pair.fit.z.head(static_cast<Eigen::Index>(h.base_count));
   Fit like{.hypothesis = base_.hypothesis,
@@ -188,7 +226,7 @@ Trial Namer::alone(const Trial& pair, std::size_t which) const {
            .jacobian = {}};
   like.jacobian = pair.fit.jacobian.leftCols(static_cast<Eigen::Index>(h.base_count));
   out.fit =
-      fit(misfit_, hypothesis, z, limits(1, "one effect: " + std::string(out.effects[0]->id), 0.9), &like);
+      fit(misfit_, hypothesis, z, limits(1, "one effect: " + std::string(out.effects[0]->id), 0.88), &like);
   out.drop = base_.squares - out.fit.squares;
   return out;
 }
@@ -231,10 +269,9 @@ void Namer::try_singles() {
       break;
     out_.trials.push_back(
         refit(base_, {}, s,
-              limits(1, "refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i)),
-              out_.trials));
+              limits(1, "refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i))));
   }
-  best_first(out_.trials);
+  go_on(out_.trials, limits(1, "refitting the best", 0.5));
 }
 
 // Which is best is told by those near the top, fitted to the end.
@@ -247,81 +284,94 @@ void Namer::compare_the_best() {
   best_first(out_.trials);
 }
 
-// Around a base that has made up for an effect of the material, that effect may seem to be no help.
+// The base may have made up for what is missing in a way that leads away from it: the effects of the
+// material, and those that came nearest, once more from what was given.
 void Namer::try_from_rest() {
-  const Fit rest = rest_of(base_);
+  const Fit& rest = rest_of(base_);
+  const auto stage = limits(2, "starting again from what was given", 0.95);
   std::vector<Trial> rested;
-  const auto stage = limits(2, "starting again from what was given", 0.98);
-  for (const auto* e : options_.candidates) {
-    if (!of_the_material(*e) || from_rest_.contains(e)) continue;
+  const auto start = [&](const Effect& e, const Starts& starts) {
+    if (!from_rest_.insert(&e).second) return;
     Trial t;
-    t.effects = {e};
-    t.fit = from_rest(rest, *e, starts_of(*e), stage, 0);
-    t.drop = base_.squares - t.fit.squares;
+    t.effects = {&e};
+    t.fit = from_rest(rest, e, starts, stage.tick);
     rested.push_back(std::move(t));
+  };
+  for (std::size_t i = 0, tried = 0; i < out_.trials.size() && tried < most_best; ++i) {
+    const auto& t = out_.trials[i];
+    if (t.effects.size() > 1) continue;
+    start(*t.effects[0], starts_around(*t.effects[0], values_in(t, 0)));
+    ++tried;
   }
-  best_first(rested);
+  for (const auto* e : options_.candidates)
+    if (of_the_material(*e)) start(*e, starts_of(*e));
+  const auto sort = [&] {
+    for (auto& t : rested) t.drop = base_.squares - t.fit.squares;
+    best_first(rested);
+  };
+  sort();
   if (rested.size() > most_rested) rested.resize(most_rested);
-  for (auto& t : rested) {
-    t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, stage, &t.fit);
-    t.drop = base_.squares - t.fit.squares;
-  }
-  best_first(rested);
-  if (rested.empty() || score(rested.front(), samples_) < score(out_.trials.front(), samples_)) return;
+  for (auto& t : rested) t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, stage, &t.fit);
+  sort();
+  const auto worse = [&](const Trial& t) { return score(t, samples_) < score(rested.front(), samples_); };
+  if (rested.empty() || !std::ranges::all_of(out_.trials, worse)) return;
   std::erase_if(out_.trials, [&](const Trial& t) { return t.effects == rested.front().effects; });
-  out_.trials.insert(out_.trials.begin(), std::move(rested.front()));
-  check(out_.trials.front(), false, 0.98, 0.99);
+  out_.trials.push_back(std::move(rested.front()));
+  check(out_.trials.back(), false, 0.97, 0.99);
   best_first(out_.trials);
 }
 
-void Namer::try_pairs(const std::vector<std::vector<Screened>>& seconds) {
-  std::vector<Trial> pairs;
-  std::set<std::set<std::string_view>> tried;
-  const std::size_t firsts = seconds.size();
-  for (std::size_t i = 0; i < firsts; ++i) {
-    for (std::size_t k = 0; k < std::min(most_seconds, seconds[i].size()); ++k) {
-      const auto& s = seconds[i][k];
-      if (s.values.empty() || s.drop < options_.second) break;
-      const auto& first = out_.trials[i];
-      if (!tried.insert({first.effects[0]->id, s.effect->id}).second) continue;
-      const double done = static_cast<double>(tried.size()) / static_cast<double>(firsts * most_seconds);
-      pairs.push_back(refit(
-          first.fit, first.effects, s,
-          limits(1, "two effects: " + std::string(first.effects[0]->id) + " and " + std::string(s.effect->id),
-                 0.65 + 0.2 * done),
-          pairs));
-    }
+void Namer::add_pairs(const Trial& first, const std::vector<Screened>& seconds, double from, double to) {
+  const std::size_t most = std::min(most_seconds, seconds.size());
+  for (std::size_t k = 0; k < most; ++k) {
+    const auto& s = seconds[k];
+    if (s.values.empty() || s.drop < options_.second) break;
+    if (!tried_.insert({first.effects[0]->id, s.effect->id}).second) continue;
+    const double done = static_cast<double>(k) / static_cast<double>(most);
+    pairs_.push_back(refit(
+        first.fit, first.effects, s,
+        limits(1, "two effects: " + std::string(first.effects[0]->id) + " and " + std::string(s.effect->id),
+               from + (to - from) * done)));
   }
-  best_first(pairs);
-  for (std::size_t i = 0; i < std::min(most_pairs, pairs.size()); ++i) {
-    check(pairs[i], false, 0.85 + 0.02 * static_cast<double>(i), 0.87 + 0.02 * static_cast<double>(i));
-    if (is_enough(pairs[i])) break;
-  }
-  out_.trials.insert(out_.trials.end(), std::make_move_iterator(pairs.begin()),
-                     std::make_move_iterator(pairs.end()));
-  best_first(out_.trials);
+  go_on(pairs_, limits(1, "refitting the best of two", to));
 }
 
-// Of two, one may do what both do: its first fit only ended elsewhere.
-void Namer::try_alone() {
-  const auto pair = std::ranges::find_if(out_.trials, [](const Trial& t) { return t.effects.size() == 2; });
-  if (pair == out_.trials.end()) return;
-  std::vector<Trial> singles;
+// True if one of the best of them is enough.
+bool Namer::check_pairs(double from, double to) {
+  std::size_t checked = 0;
+  for (auto& pair : pairs_) {
+    if (pair.checked) continue;
+    if (checked == most_pairs) break;
+    const double at = from + (to - from) * static_cast<double>(checked++) / most_pairs;
+    check(pair, false, at, at + (to - from) / most_pairs);
+    if (is_enough(pair)) return true;
+  }
+  return false;
+}
+
+// Of two, one may do what both do: its first fit only ended elsewhere. Or it may want another partner.
+bool Namer::try_halves(bool found) {
+  if (pairs_.empty() || far_off(pairs_.front(), hopeless)) return found;
+  const Trial best = pairs_.front();
+  const bool partners = !found && !far_off(best, within_reach);
   for (const std::size_t which : {0, 1}) {
-    auto t = alone(*pair, which);
+    auto t = alone(best, which);
     const bool better = std::ranges::none_of(out_.trials, [&](const Trial& other) {
       return other.effects == t.effects && other.fit.squares <= t.fit.squares + options_.second;
     });
-    if (better) singles.push_back(std::move(t));
+    if (!better && !partners) continue;
+    const double at = 0.88 + 0.03 * static_cast<double>(which);
+    const auto seconds = check(t, partners, at, at + 0.01);
+    const bool enough = is_enough(t);
+    if (enough) pairs_.clear();  // two are one too many
+    if (partners && !enough) add_pairs(t, seconds, at + 0.01, at + 0.03);
+    if (better) {
+      std::erase_if(out_.trials, [&](const Trial& other) { return other.effects == t.effects; });
+      out_.trials.push_back(std::move(t));
+    }
+    if (enough) return true;
   }
-  for (auto& t : singles) {
-    check(t, false, 0.92, 0.98);
-    // Then two are one too many.
-    if (is_enough(t)) std::erase_if(out_.trials, [](const Trial& other) { return other.effects.size() > 1; });
-    std::erase_if(out_.trials, [&](const Trial& other) { return other.effects == t.effects; });
-    out_.trials.push_back(std::move(t));
-  }
-  best_first(out_.trials);
+  return partners ? check_pairs(0.94, 0.95) : found;
 }
 
 Naming Namer::find() {
@@ -341,14 +391,20 @@ Naming Namer::find() {
   for (std::size_t i = 0; i < firsts; ++i) {
     auto& t = out_.trials[i];
     if (i > 0 && enough && score(t, samples_) < score(out_.trials[0], samples_) - options_.second) break;
-    seconds.push_back(
-        check(t, true, 0.5 + 0.05 * static_cast<double>(i), 0.55 + 0.05 * static_cast<double>(i)));
+    const double at = 0.5 + 0.05 * static_cast<double>(i);
+    seconds.push_back(check(t, true, at, at + 0.05));
     enough = enough || is_enough(t);
   }
   if (enough) return std::move(out_);
-  try_pairs(seconds);
-  try_alone();
-  if (std::ranges::none_of(out_.trials, [&](const Trial& t) { return is_enough(t); })) try_from_rest();
+  for (std::size_t i = 0; i < firsts; ++i) {
+    const double at = 0.6 + 0.1 * static_cast<double>(i);
+    add_pairs(out_.trials[i], seconds[i], at, at + 0.1);
+  }
+  const bool found = try_halves(check_pairs(0.8, 0.88));
+  if (!found && !std::ranges::all_of(out_.trials, [&](const Trial& t) { return far_off(t, hopeless); }))
+    try_from_rest();
+  std::ranges::move(pairs_, std::back_inserter(out_.trials));
+  best_first(out_.trials);
   return std::move(out_);
 }
 

@@ -12,6 +12,7 @@ struct Trial {
   std::vector<const Effect*> effects;
   Fit fit;
   double drop = 0;        // of the sum of squares against the base model's fit
+  bool begun = false;     // a few steps were made
   bool polished = false;  // fitted to the end
   // What is left: the largest drop that one more effect, or functions of the signals, would bring.
   bool checked = false;

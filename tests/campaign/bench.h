@@ -35,7 +35,7 @@ struct Bench {
 };
 
 struct BenchOptions {
-  int domains = 8256;
+  int domains = 16384;
 };
 
 // The same seed, index and kind always give the same bench.

@@ -1,5 +1,5 @@
-// The domains of the twin, another quadrature than the model's own: evenly spaced points along the spread
-// that reaches furthest, staggered, times Gauss-Hermite rules for the other two.
+// The domains of the twin, another quadrature than the model's own: Sobol's sequence through the
+// inverse of the normal distribution, with equal weights. Powers of two are the best counts.
 #pragma once
 
 #include <vector>
@@ -15,7 +15,7 @@ struct Nodes {
   std::vector<double> weight;   // sums to 1
 };
 
-// About `count` nodes; one if there is no spread.
+// `count` nodes; one if there is no spread.
 Nodes draw_nodes(const model::Material& material, const model::Polycrystal& polycrystal, int count);
 
 }  // namespace ferrobench::campaign

@@ -14,7 +14,7 @@
 namespace ferrobench::campaign {
 
 struct TwinOptions {
-  int domains = 8256;
+  int domains = 16384;
   double path = 1;          // largest change of ln(rate) in a step
   double session_time = 0;  // s, of the first sample since the session began
 };
