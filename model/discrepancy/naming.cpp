@@ -16,8 +16,7 @@ constexpr double small_against = 1e-4;
 constexpr double astray = 1.2;          // sum of squares over their number
 constexpr double most_squares = 1.2;    // likewise: the noise's level is estimated to a few percent
 constexpr double far_from_enough = 10;  // times what may be left
-constexpr double far_worse = 3;         // a sum of squares than another
-constexpr std::size_t most_starts = 3;
+constexpr double far_worse = 5;         // a sum of squares than another
 // Times what may be left: what is further from enough is not searched on.
 constexpr double within_reach = 30, hopeless = 1000;
 
@@ -64,11 +63,6 @@ Starts starts_of(const Effect& effect) {
   return out;
 }
 
-bool of_the_material(const Effect& e) {
-  return e.family == Family::kinetics || e.family == Family::strain || e.family == Family::polarization ||
-         e.family == Family::equilibrium;
-}
-
 class Namer {
  public:
   Namer(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options)
@@ -88,8 +82,8 @@ class Namer {
               tick(stage, fraction);
             }};
   }
-  static FitLimits few_steps(int iterations, const std::function<void()>& in_between) {
-    return {.iterations = iterations, .refreshes = 0, .enough = 1, .tick = in_between};
+  static FitLimits few_steps(const std::function<void()>& in_between) {
+    return {.iterations = 5, .refreshes = 0, .enough = 1, .tick = in_between};
   }
   double allowed(const Trial& t) const { return allowed_left(options_, t.drop); }
   bool is_enough(const Trial& t) const { return t.checked && t.left < allowed(t); }
@@ -102,8 +96,8 @@ class Namer {
   Fit from_rest(const Fit& rest, const Effect& effect, const Starts& starts,
                 const std::function<void()>& in_between) const;
   Fit from_base(const Fit& from, const Screened& s, const FitLimits& limits) const;
-  Trial refit(const Fit& from, const std::vector<const Effect*>& before, const Screened& s,
-              const FitLimits& limits);
+  void refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
+             const Screened& s, const FitLimits& limits);
   void go_on(std::vector<Trial>& trials, const FitLimits& limits) const;
   Trial alone(const Trial& pair, std::size_t which) const;
   void polish(Trial& t, const std::function<void()>& in_between) const;
@@ -143,17 +137,15 @@ const Fit& Namer::rest_of(const Fit& from) {
 // A few steps from each start, the best of them.
 Fit Namer::from_rest(const Fit& rest, const Effect& effect, const Starts& starts,
                      const std::function<void()>& in_between) const {
-  std::vector<Fit> begun;
+  std::optional<Fit> best;
   for (const auto& values : starts) {
     const auto hypothesis = with_effect(rest.hypothesis, effect, values);
     auto z = at_rest(hypothesis);
     z.head(rest.z.size()) = rest.z;
-    begun.push_back(fit(misfit_, hypothesis, z, few_steps(1, in_between), &rest));
+    auto f = fit(misfit_, hypothesis, z, few_steps(in_between), &rest);
+    if (!best || f.squares < best->squares) best = std::move(f);
   }
-  std::ranges::sort(begun, {}, &Fit::squares);
-  if (begun.size() > most_starts) begun.resize(most_starts);
-  for (auto& f : begun) f = fit(misfit_, f.hypothesis, f.z, few_steps(4, in_between), &f);
-  return std::move(*std::ranges::min_element(begun, {}, &Fit::squares));
+  return *std::move(best);
 }
 
 // From where the base stands, with what the parameters would give up for the effect.
@@ -167,28 +159,26 @@ Fit Namer::from_base(const Fit& from, const Screened& s, const FitLimits& limits
   return fit(misfit_, hypothesis, z, limits, &from);
 }
 
-// One more effect on `from`. Where that is astray, only begun.
-Trial Namer::refit(const Fit& from, const std::vector<const Effect*>& before, const Screened& s,
-                   const FitLimits& limits) {
-  Trial out;
-  out.effects = before;
-  out.effects.push_back(s.effect);
-  if (from.squares > astray * samples_) {
-    out.fit = from_base(from, s, few_steps(5, limits.tick));
-    // A second one was screened beside the first, so its strength is about right.
-    const auto starts = before.empty() ? starts_around(*s.effect, s.values) : Starts{s.values};
-    auto rested = from_rest(rest_of(from), *s.effect, starts, limits.tick);
-    if (rested.squares < out.fit.squares) out.fit = std::move(rested);
-    if (before.empty()) from_rest_.insert(s.effect);
-    out.begun = true;
-  } else {
-    out.fit = from_base(from, s, limits);
-  }
-  out.drop = base_.squares - out.fit.squares;
-  return out;
+// One more effect on `from`. Where that is astray: from there and from what was given, both only begun.
+void Namer::refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
+                  const Screened& s, const FitLimits& limits) {
+  const auto add = [&](Fit f, bool begun) {
+    auto& t = into.emplace_back();
+    t.effects = before;
+    t.effects.push_back(s.effect);
+    t.fit = std::move(f);
+    t.drop = base_.squares - t.fit.squares;
+    t.begun = begun;
+  };
+  if (from.squares < astray * samples_) return add(from_base(from, s, limits), false);
+  add(from_base(from, s, few_steps(limits.tick)), true);
+  // A second one was screened beside the first, so its strength is about right.
+  const auto starts = before.empty() ? starts_around(*s.effect, s.values) : Starts{s.values};
+  add(from_rest(rest_of(from), *s.effect, starts, limits.tick), true);
+  if (before.empty()) from_rest_.insert(s.effect);
 }
 
-// Goes on with those that are only begun, unless they are far worse than the best.
+// Goes on with those that are only begun, unless they are far worse than the best, and keeps one of each.
 void Namer::go_on(std::vector<Trial>& trials, const FitLimits& limits) const {
   best_first(trials);
   const double rival = trials.empty() ? 0 : trials.front().fit.squares;
@@ -198,6 +188,8 @@ void Namer::go_on(std::vector<Trial>& trials, const FitLimits& limits) const {
     t.drop = base_.squares - t.fit.squares;
   }
   best_first(trials);
+  std::set<std::vector<const Effect*>> seen;
+  std::erase_if(trials, [&](const Trial& t) { return !seen.insert(t.effects).second; });
 }
 
 // Where the parameters of a trial's effect stand.
@@ -267,9 +259,8 @@ void Namer::try_singles() {
     const auto& s = out_.screened[i];
     if (s.values.empty() || s.drop < 0.3 * options_.detect || s.drop < 0.02 * out_.screened.front().drop)
       break;
-    out_.trials.push_back(
-        refit(base_, {}, s,
-              limits(1, "refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i))));
+    refit(out_.trials, base_, {}, s,
+          limits(1, "refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i)));
   }
   go_on(out_.trials, limits(1, "refitting the best", 0.5));
 }
@@ -284,8 +275,8 @@ void Namer::compare_the_best() {
   best_first(out_.trials);
 }
 
-// The base may have made up for what is missing in a way that leads away from it: the effects of the
-// material, and those that came nearest, once more from what was given.
+// The base may have made up for what is missing in a way that leads away from it: every effect once more,
+// from what was given.
 void Namer::try_from_rest() {
   const Fit& rest = rest_of(base_);
   const auto stage = limits(2, "starting again from what was given", 0.95);
@@ -303,8 +294,7 @@ void Namer::try_from_rest() {
     start(*t.effects[0], starts_around(*t.effects[0], values_in(t, 0)));
     ++tried;
   }
-  for (const auto* e : options_.candidates)
-    if (of_the_material(*e)) start(*e, starts_of(*e));
+  for (const auto* e : options_.candidates) start(*e, starts_of(*e));
   const auto sort = [&] {
     for (auto& t : rested) t.drop = base_.squares - t.fit.squares;
     best_first(rested);
@@ -328,10 +318,9 @@ void Namer::add_pairs(const Trial& first, const std::vector<Screened>& seconds, 
     if (s.values.empty() || s.drop < options_.second) break;
     if (!tried_.insert({first.effects[0]->id, s.effect->id}).second) continue;
     const double done = static_cast<double>(k) / static_cast<double>(most);
-    pairs_.push_back(refit(
-        first.fit, first.effects, s,
-        limits(1, "two effects: " + std::string(first.effects[0]->id) + " and " + std::string(s.effect->id),
-               from + (to - from) * done)));
+    refit(pairs_, first.fit, first.effects, s,
+          limits(1, "two effects: " + std::string(first.effects[0]->id) + " and " + std::string(s.effect->id),
+                 from + (to - from) * done));
   }
   go_on(pairs_, limits(1, "refitting the best of two", to));
 }
