@@ -124,8 +124,12 @@ HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std:
   return out;
 }
 
-// One pair of poles z = re +- i im, with weights w and its conjugate, of psi(M) = sum of w (M + z)^-1. With
-// D(z) = det + trace z + z^2 and adj(M) F = G, the pair contributes 2 Re(w (G + z F) / D(z)).
+// psi of kernel.h as a sum over poles, w / (y + z). With D(z) = det + trace z + z^2, the determinant of M +
+// z, and adj(M) F = G, one pole adds w (G + z F) / D(z), and it and its conjugate twice the real part of
+// that: no eigenvalues, no root, and no difference of large numbers however far apart the eigenvalues are.
+//
+// Poles and weights are those of the least largest relative error on [0, infinity], by the exchange algorithm
+// in 50 digits: 17 equal ripples of 1.52e-8, the first at 0, the last at infinity.
 struct PolePair {
   constexpr PolePair(double re, double im, double w_re, double w_im)
       : shift(2 * re),
