@@ -5,6 +5,11 @@
 #include <limits>
 
 namespace ferrobench::model {
+namespace {
+
+constexpr double largest_growth = 1e260;  // of an outflow, in a sleeper's bounds
+
+}  // namespace
 
 RateColumns Ensemble::Rates::columns(std::size_t first) {
   RateColumns out;
@@ -40,6 +45,7 @@ Ensemble::Ensemble(const Domains& given, const KineticConstants& constants, doub
   for (auto* column : {&then_plus_, &then_minus_, &outflow_falling_, &outflow_rising_})
     column->assign(padded, 0.0);
   bounds_.resize(size_);
+  sleepy_.resize(size_);
 }
 
 DomainColumns Ensemble::domains(std::size_t first) const {
@@ -99,16 +105,18 @@ void Ensemble::swap_rows(std::size_t i, std::size_t j) {
 }
 
 void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
+  // Without shortcuts: which of the four is broken cannot be foreseen.
   const auto within = [&](const Bounds& b) {
-    return to.field > b.low_field && to.field < b.high_field && stress_path_end < b.stress_path &&
-           time_end < b.time;
+    return static_cast<bool>(
+        static_cast<int>(to.field > b.low_field) & static_cast<int>(to.field < b.high_field) &
+        static_cast<int>(stress_path_end < b.stress_path) & static_cast<int>(time_end < b.time));
   };
   if (within(tightest_)) return;
   const std::size_t first = awake_;
-  tightest_ = boundless();
+  Bounds tightest = boundless();
   for (std::size_t i = awake_; i < size_; ++i) {
     if (within(bounds_[i])) {
-      tighten(tightest_, bounds_[i]);
+      tighten(tightest, bounds_[i]);
       continue;
     }
     asleep_plus_ -= columns_[weight][i] * columns_[plus][i];
@@ -117,6 +125,7 @@ void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
     bounds_[i] = bounds_[awake_];
     ++awake_;
   }
+  tightest_ = tightest;
   if (awake_ > first) evaluate_rates(constants_, domains(first), awake_ - first, at_, now_.columns(first));
 }
 
@@ -129,21 +138,34 @@ void Ensemble::put_to_sleep(double field_step) {
   const double field_share = 0.5 / s.field, stress_share = 0.25 / s.stress;
   const double next_low = at_.field + 2 * std::min(0.0, field_step),
                next_high = at_.field + 2 * std::max(0.0, field_step);
-  const auto margin = [&](double outflow) {
-    return outflow > 0 ? std::min(600.0, std::log(negligible_ / (outflow * span))) : 600.0;
-  };
   // Outflows from which on the next step would already wake the domain: known before any logarithm is taken.
   const double most_falling = negligible_ / span * std::exp((next_low - at_.field) / field_share),
                most_rising = negligible_ / span * std::exp((at_.field - next_high) / field_share);
-  for (std::size_t i = awake_; i-- > 0;) {
+  const double most = std::min(most_falling, most_rising);
+  // Found first and without a branch: which they are cannot be foreseen.
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < awake_; ++i) {
+    const double falling = outflow_falling_[i], rising = outflow_rising_[i], all = falling + rising;
+    const int few = s.ordered
+                        ? static_cast<int>(falling < most_falling) & static_cast<int>(rising < most_rising)
+                        : static_cast<int>(all < most);
+    sleepy_[found] = i;
+    found += static_cast<std::size_t>(static_cast<int>(all <= limit) & few);
+  }
+  // How many times larger the outflow may become, at most as far as the logarithm below may go.
+  const auto growth = [&](double outflow) {
+    return outflow > 0 ? std::min(largest_growth, negligible_ / (outflow * span)) : largest_growth;
+  };
+  Bounds tightest = tightest_;
+  while (found-- > 0) {
+    const std::size_t i = sleepy_[found];
     double falling = outflow_falling_[i], rising = outflow_rising_[i];
-    if (!(falling + rising <= limit)) continue;
     if (!s.ordered) falling = rising = falling + rising;
-    if (falling >= most_falling || rising >= most_rising) continue;
-    const double margin_falling = margin(falling), margin_rising = margin(rising);
-    const double least = std::min(margin_falling, margin_rising);
+    const double growth_falling = growth(falling), growth_rising = growth(rising);
+    const double margin_falling = std::log(growth_falling), margin_rising = std::log(growth_rising);
     const Bounds bounds{at_.field - field_share * margin_falling, at_.field + field_share * margin_rising,
-                        stress_path_ + stress_share * least, time_ + proposed_h_ * std::exp(0.25 * least)};
+                        stress_path_ + stress_share * std::min(margin_falling, margin_rising),
+                        time_ + proposed_h_ * std::sqrt(std::sqrt(std::min(growth_falling, growth_rising)))};
     const std::size_t last = --awake_;
     asleep_plus_ += columns_[weight][i] * columns_[plus][i];
     asleep_minus_ += columns_[weight][i] * columns_[minus][i];
@@ -155,8 +177,9 @@ void Ensemble::put_to_sleep(double field_step) {
       }
     }
     bounds_[last] = bounds;
-    tighten(tightest_, bounds);
+    tighten(tightest, bounds);
   }
+  tightest_ = tightest;
 }
 
 const Means& Ensemble::propose(double h, const Loads& at, const Loads& bend) {

@@ -58,6 +58,7 @@ class Ensemble final : public Kinetics {
   static Bounds boundless();
   static void tighten(Bounds& bounds, const Bounds& by);
   std::vector<Bounds> bounds_;
+  std::vector<std::size_t> sleepy_;  // rows that put_to_sleep has found
   Bounds tightest_;
   double asleep_plus_ = 0, asleep_minus_ = 0;
   Rates now_, then_;

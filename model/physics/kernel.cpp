@@ -1,5 +1,8 @@
 #include "model/physics/kernel.h"
 
+#include <algorithm>
+#include <array>
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "model/physics/kernel.cpp"
 #include <hwy/foreach_target.h>
@@ -31,8 +34,9 @@ struct Broadcast {
   bool stabilized;
 };
 
+// What is not a number stays so: Min and Max give their second operand then.
 HWY_INLINE V clamp(V v, V low, V high) {
-  return hn::Min(hn::Max(v, low), high);
+  return hn::Min(high, hn::Max(low, v));
 }
 
 struct EqualCurvature {
@@ -120,74 +124,104 @@ HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std:
   return out;
 }
 
-// (e^x - 1) / x for x <= 0
-HWY_INLINE V exp_divided(V x, V exp_x) {
+// psi of kernel.h as a sum over poles, w / (y + z). With D(z) = det + trace z + z^2, the determinant of M +
+// z, and adj(M) F = G, one pole adds w (G + z F) / D(z), and it and its conjugate twice the real part of
+// that: no eigenvalues, no root, and no difference of large numbers however far apart the eigenvalues are.
+//
+// Poles and weights are those of the least largest relative error on [0, infinity], by the exchange algorithm
+// in 50 digits: 17 equal ripples of 1.52e-8, the first at 0, the last at infinity.
+struct PolePair {
+  constexpr PolePair(double re, double im, double w_re, double w_im)
+      : shift(2 * re),
+        det_by(1 / im),
+        det_add(-(re * re + im * im) / im),
+        slope(re / im),
+        g_det(2 * w_re / im),
+        g_trace(2 * (w_re * re + w_im * im) / (im * im)),
+        f_det(2 * (w_re * re - w_im * im) / im),
+        f_trace(2 * w_re * (re * re + im * im) / (im * im)) {}
+  double shift, det_by, det_add, slope, g_det, g_trace, f_det, f_trace;
+};
+constexpr std::array<PolePair, 4> poles{
+    PolePair{3.4521686026647825543, 1.19919209208360515, 1.6717569787908902435, 2.9124000646426563959},
+    PolePair{2.5301465772181674434, 3.6145100274773414406, -1.2767617963796813971, -0.051964692520751249619},
+    PolePair{0.51615881530984120128, 6.0977543345216061068, 0.10525118473506519089, -0.12226865703346698037},
+    PolePair{-3.1553576596189829282, 8.7859754119085801343, -0.00024637472328455032607,
+             0.0041855399749009186872}};
+
+struct Fraction {
+  V f, g, below;  // (f F + g G) / below
+};
+
+HWY_INLINE Fraction at_pole(const PolePair& pole, V trace, V determinant) {
   const D d;
-  const V one = hn::Set(d, 1.0);
-  const V series = hn::MulAdd(
-      x, hn::MulAdd(x, hn::MulAdd(x, hn::Set(d, 1.0 / 24), hn::Set(d, 1.0 / 6)), hn::Set(d, 0.5)), one);
-  const V small = hn::Set(d, -1e-4);
-  const V safe = hn::Min(x, small);
-  return hn::IfThenElse(hn::Gt(x, small), series, hn::Div(hn::Sub(exp_x, one), safe));
+  const V t = hn::Add(trace, hn::Set(d, pole.shift));
+  const V h = hn::MulAdd(determinant, hn::Set(d, pole.det_by), hn::Set(d, pole.det_add));
+  const V real = hn::MulAdd(t, hn::Set(d, pole.slope), h);
+  return {hn::MulAdd(h, hn::Set(d, pole.f_det), hn::Mul(t, hn::Set(d, pole.f_trace))),
+          hn::MulAdd(h, hn::Set(d, pole.g_det), hn::Mul(t, hn::Set(d, pole.g_trace))),
+          hn::MulAdd(real, real, hn::Mul(t, t))};
 }
 
-// The fractions after a step with the intensities q = {a, b, c, d}.
+HWY_INLINE Fraction sum(const Fraction& a, const Fraction& b) {
+  return {hn::MulAdd(a.f, b.below, hn::Mul(b.f, a.below)), hn::MulAdd(a.g, b.below, hn::Mul(b.g, a.below)),
+          hn::Mul(a.below, b.below)};
+}
+
+// The fractions after a step with the intensities q = {a, b, c, e}: they change by psi(M) F.
 HWY_INLINE void propagate(const Four& q, V& plus, V& minus) {
   const D d;
-  const V one = hn::Set(d, 1.0), half = hn::Set(d, 0.5);
+  const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
   const V a = q.v[0], b = q.v[1], c = q.v[2], e = q.v[3];
   const V ninety = hn::Sub(hn::Sub(one, plus), minus);
   const V flow_plus = hn::MulSub(b, ninety, hn::Mul(a, plus));
   const V flow_minus = hn::MulSub(c, ninety, hn::Mul(e, minus));
-  const V half_trace = hn::Mul(half, hn::Add(hn::Add(a, b), hn::Add(c, e)));
-  const V determinant = hn::MulAdd(a, hn::Add(c, e), hn::Mul(b, e));
-  const V root = hn::Max(hn::Sqrt(hn::Max(hn::Zero(d), hn::MulSub(half_trace, half_trace, determinant))),
-                         hn::MulAdd(hn::Set(d, 1e-6), half_trace, hn::Set(d, 1e-200)));
-  const V fast = hn::Neg(hn::Add(half_trace, root));
-  const V slow = hn::Div(determinant, fast);
-  const V psi_fast = exp_divided(fast, hn::Exp(d, fast));
-  const V psi_slow = exp_divided(slow, hn::Exp(d, slow));
-  const V f0 = hn::Mul(half, hn::Add(psi_slow, psi_fast));
-  const V f1 = hn::Div(hn::Sub(psi_slow, psi_fast), hn::Sub(slow, fast));
-  const V along_plus = hn::NegMulAdd(b, flow_minus, hn::Mul(hn::Sub(half_trace, hn::Add(a, b)), flow_plus));
-  const V along_minus = hn::NegMulAdd(c, flow_plus, hn::Mul(hn::Sub(half_trace, hn::Add(c, e)), flow_minus));
-  plus = hn::Add(plus, hn::MulAdd(f0, flow_plus, hn::Mul(f1, along_plus)));
-  minus = hn::Add(minus, hn::MulAdd(f0, flow_minus, hn::Mul(f1, along_minus)));
+  const V from_minus = hn::Add(c, e), to_plus = hn::Mul(b, e);
+  const V trace = hn::Add(hn::Add(a, b), from_minus);
+  const V determinant = hn::MulAdd(a, from_minus, to_plus);
+  const V adjoint_plus = hn::NegMulAdd(plus, determinant, to_plus);
+  const V adjoint_minus = hn::NegMulAdd(minus, determinant, hn::Mul(a, c));
+  const Fraction low = sum(at_pole(poles[0], trace, determinant), at_pole(poles[1], trace, determinant));
+  const Fraction high = sum(at_pole(poles[2], trace, determinant), at_pole(poles[3], trace, determinant));
+  const V low_inverse = hn::Div(one, low.below), high_inverse = hn::Div(one, high.below);
+  const V f = hn::MulAdd(low.f, low_inverse, hn::Mul(high.f, high_inverse));
+  const V g = hn::MulAdd(low.g, low_inverse, hn::Mul(high.g, high_inverse));
+  plus = clamp(hn::MulAdd(g, adjoint_plus, hn::MulAdd(f, flow_plus, plus)), zero, one);
+  minus = clamp(hn::MulAdd(g, adjoint_minus, hn::MulAdd(f, flow_minus, minus)), zero, hn::Sub(one, plus));
 }
 
-// Mean of exp(l) over a step in which l goes from l0 to l1 with the bend q u (1 - u).
-HWY_INLINE V mean_rate(V l0, V l1, V r0, V r1, V q) {
+// Twice the mean of exp(l) over a step in which l goes from l0 to l1 with the bend q u (1 - u): with m1 of
+// kernel.h, m0 is (r0 + r1 - m1 D^2) / 2.
+HWY_INLINE V twice_mean_rate(V l0, V l1, V r0, V r1, V twice_bend) {
   const D d;
-  const V change = hn::Sub(l1, l0), sum = hn::Add(r0, r1);
-  const V small = hn::Set(d, 1e-3);
-  const auto is_small = hn::Lt(hn::Abs(change), small);
-  const V inverse = hn::Div(hn::Set(d, 1.0), hn::IfThenElse(is_small, small, change));
+  const V change = hn::Sub(l1, l0), sum = hn::Add(r0, r1), square = hn::Mul(change, change);
+  const auto is_small = hn::Lt(square, hn::Set(d, 1e-6));
+  const V inverse = hn::Div(hn::Set(d, 1.0), hn::IfThenElse(is_small, hn::Set(d, 1.0), change));
   const V chord = hn::Mul(hn::Sub(r1, r0), inverse);
   const V bow = hn::Mul(hn::Mul(hn::NegMulAdd(hn::Set(d, 2.0), chord, sum), inverse), inverse);
-  const V flat = hn::Mul(sum, hn::NegMulAdd(hn::Mul(change, change), hn::Set(d, 1.0 / 24), hn::Set(d, 0.5)));
-  const V mean = hn::IfThenElse(is_small, flat, chord);
-  return hn::MulAdd(q, hn::IfThenElse(is_small, hn::Mul(sum, hn::Set(d, 1.0 / 12)), bow), mean);
+  const V m1 = hn::IfThenElse(is_small, hn::Mul(sum, hn::Set(d, 1.0 / 12)), bow);
+  return hn::MulAdd(m1, hn::Sub(twice_bend, square), sum);
 }
 
-// The bend q of ln(rate) of a -> 90 (out) and 90 -> a (back) for a force that goes from f0 to f1 and is
+// Twice the bend q of ln(rate) of a -> 90 (out) and 90 -> a (back) for a force that goes from f0 to f1 and is
 // `bend` off the line at mid-step. With l = -(F/4 - dg0)^2 / (kT dg0) between -4 dg0 and 4 dg0; beyond, l is
 // linear.
-HWY_INLINE void bends(const Broadcast& k, V f0, V f1, V bend, V inverse_barrier, V& out, V& back) {
+HWY_INLINE void twice_bends(const Broadcast& k, V f0, V f1, V bend, bool bent, V barrier, V inverse_barrier,
+                            V& out, V& back) {
   const D d;
-  const V zero = hn::Zero(d), one = hn::Set(d, 1.0), half = hn::Set(d, 0.5);
-  const V x0 = hn::Mul(f0, hn::Mul(inverse_barrier, hn::Set(d, 0.25)));
-  const V x1 = hn::Mul(f1, hn::Mul(inverse_barrier, hn::Set(d, 0.25)));
-  const auto inside = hn::And(hn::Lt(hn::Abs(x0), one), hn::Lt(hn::Abs(x1), one));
-  const V middle = clamp(hn::Mul(half, hn::Add(x0, x1)), hn::Set(d, -1.0), one);
-  const V step = hn::Sub(f1, f0);
-  const V four_beta = hn::Mul(hn::Set(d, -4.0), k.minus_inverse_energy);
-  // -4 times the chord's excess over the parabola at mid-step, and 4 times slope times bend
-  const V curved = hn::IfThenElse(
-      inside,
-      hn::Mul(hn::Mul(four_beta, hn::Set(d, 1.0 / 64)), hn::Mul(hn::Mul(step, step), inverse_barrier)), zero);
-  const V pushed = hn::Mul(four_beta, bend);
-  out = hn::MulAdd(pushed, hn::Mul(half, hn::Sub(one, middle)), curved);
-  back = hn::NegMulAdd(pushed, hn::Mul(half, hn::Add(one, middle)), curved);
+  const V step = hn::Sub(f1, f0), end = hn::Mul(hn::Set(d, 4.0), barrier);
+  const auto inside = hn::Lt(hn::Max(hn::Abs(f0), hn::Abs(f1)), end);
+  // -8 times the chord's excess over the parabola at mid-step
+  const V by_square = hn::Mul(hn::Mul(k.minus_inverse_energy, hn::Set(d, -1.0 / 8)), inverse_barrier);
+  out = back = hn::IfThenElseZero(inside, hn::Mul(hn::Mul(step, step), by_square));
+  if (!bent) return;
+  // 8 times slope times bend
+  const V middle = clamp(hn::Mul(hn::Add(f0, f1), hn::Mul(hn::Set(d, 1.0 / 8), inverse_barrier)),
+                         hn::Set(d, -1.0), hn::Set(d, 1.0));
+  const V pushed = hn::Mul(hn::Mul(hn::Set(d, -4.0), k.minus_inverse_energy), bend);
+  const V both = hn::NegMulAdd(pushed, middle, out);
+  out = hn::Add(both, pushed);
+  back = hn::Sub(both, pushed);
 }
 
 struct Sums {
@@ -237,6 +271,28 @@ void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std:
   }
 }
 
+// The fractions of rows first to `end` after a step with `span` times the rates `mean`.
+HWY_INLINE void advance(const DomainColumns& domains, std::size_t first, std::size_t end, std::size_t count,
+                        const std::array<const double*, 4>& mean, V span, const std::array<double*, 4>& rates,
+                        const StepOutput& out, Sums& sums) {
+  const D d;
+  const V negligible = hn::Set(d, out.negligible);
+  for (std::size_t i = first; i < end; i += hn::Lanes(d)) {
+    Four rate, intensity;
+    for (int j = 0; j < 4; ++j) {
+      rate.v[j] = hn::LoadU(d, rates[j] + i);
+      intensity.v[j] = hn::Mul(span, hn::LoadU(d, mean[j] + (i - first)));
+    }
+    V plus = hn::LoadU(d, domains.plus + i), minus = hn::LoadU(d, domains.minus + i);
+    propagate(intensity, plus, minus);
+    finish(domains, i, count, rate, plus, minus, out, negligible, sums);
+  }
+}
+
+// Short passes over few rows at a time: what one leaves to the next stays near, and the processor works on
+// several rows at once.
+constexpr std::size_t block = 64;
+
 template <class Law>
 StepResult step_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
                      const LoadPath& path, const RateColumns& before, const RateColumns& after,
@@ -245,26 +301,34 @@ StepResult step_with(const KineticConstants& k, const DomainColumns& domains, st
   const Broadcast start(k, path.from), constants(k, path.to);
   const V bend_even = hn::Set(d, path.bend.stress * k.strain_90);
   const V bend_odd = hn::Set(d, path.bend.field * k.polarization);
-  const V span = hn::Set(d, h / k.relaxation_time), negligible = hn::Set(d, out.negligible);
-  const V zero = hn::Zero(d);
+  const bool bent = path.bend.stress != 0 || path.bend.field != 0;
+  const V half_span = hn::Set(d, 0.5 * h / k.relaxation_time), zero = hn::Zero(d);
   Sums sums{zero, zero, zero, zero};
-  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
-    const Forces f0 = forces(start, domains, i), f1 = forces(constants, domains, i);
-    const Four l = log_rates<Law>(constants, domains, i, f1);
-    const V inverse_barrier = hn::LoadU(d, domains.inverse_barrier + i);
-    Four rate, intensity, bend;
-    bends(constants, f0.plus, f1.plus, hn::Sub(bend_even, bend_odd), inverse_barrier, bend.v[0], bend.v[1]);
-    bends(constants, f0.minus, f1.minus, hn::Add(bend_even, bend_odd), inverse_barrier, bend.v[3], bend.v[2]);
-    for (int j = 0; j < 4; ++j) {
-      rate.v[j] = hn::Exp(d, l.v[j]);
-      intensity.v[j] = hn::Mul(span, mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
-                                               hn::LoadU(d, before.rate[j] + i), rate.v[j], bend.v[j]));
-      hn::StoreU(l.v[j], d, after.log_rate[j] + i);
-      hn::StoreU(rate.v[j], d, after.rate[j] + i);
+  std::array<std::array<double, block>, 4> twice_mean;
+  for (std::size_t first = 0; first < count; first += block) {
+    const std::size_t end = std::min(first + block, count);
+    for (std::size_t i = first; i < end; i += hn::Lanes(d)) {
+      const Forces f0 = forces(start, domains, i), f1 = forces(constants, domains, i);
+      const Four l = log_rates<Law>(constants, domains, i, f1);
+      const V barrier = hn::LoadU(d, domains.barrier + i);
+      const V inverse_barrier = hn::LoadU(d, domains.inverse_barrier + i);
+      Four bend;
+      twice_bends(constants, f0.plus, f1.plus, hn::Sub(bend_even, bend_odd), bent, barrier, inverse_barrier,
+                  bend.v[0], bend.v[1]);
+      twice_bends(constants, f0.minus, f1.minus, hn::Add(bend_even, bend_odd), bent, barrier, inverse_barrier,
+                  bend.v[3], bend.v[2]);
+      for (int j = 0; j < 4; ++j) {
+        const V rate = hn::Exp(d, l.v[j]);
+        hn::StoreU(twice_mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
+                                   hn::LoadU(d, before.rate[j] + i), rate, bend.v[j]),
+                   d, twice_mean[j].data() + (i - first));
+        hn::StoreU(l.v[j], d, after.log_rate[j] + i);
+        hn::StoreU(rate, d, after.rate[j] + i);
+      }
     }
-    V plus = hn::LoadU(d, domains.plus + i), minus = hn::LoadU(d, domains.minus + i);
-    propagate(intensity, plus, minus);
-    finish(domains, i, count, rate, plus, minus, out, negligible, sums);
+    advance(domains, first, end, count,
+            {twice_mean[0].data(), twice_mean[1].data(), twice_mean[2].data(), twice_mean[3].data()},
+            half_span, after.rate, out, sums);
   }
   return reduce(sums, k.relaxation_time);
 }
@@ -286,19 +350,10 @@ StepResult step(const KineticConstants& k, const DomainColumns& domains, std::si
 StepResult step_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
                      const RateColumns& before, const StepOutput& out) {
   const D d;
-  const V span = hn::Set(d, h / k.relaxation_time), negligible = hn::Set(d, out.negligible);
   const V zero = hn::Zero(d);
   Sums sums{zero, zero, zero, zero};
-  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
-    Four rate, intensity;
-    for (int j = 0; j < 4; ++j) {
-      rate.v[j] = hn::LoadU(d, before.rate[j] + i);
-      intensity.v[j] = hn::Mul(span, rate.v[j]);
-    }
-    V plus = hn::LoadU(d, domains.plus + i), minus = hn::LoadU(d, domains.minus + i);
-    propagate(intensity, plus, minus);
-    finish(domains, i, count, rate, plus, minus, out, negligible, sums);
-  }
+  advance(domains, 0, count, count, {before.rate[0], before.rate[1], before.rate[2], before.rate[3]},
+          hn::Set(d, h / k.relaxation_time), before.rate, out, sums);
   return reduce(sums, k.relaxation_time);
 }
 
