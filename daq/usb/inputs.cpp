@@ -48,7 +48,7 @@ void linearize(InputColumn& c, const Calibration& calibration, const std::vector
   c.column.offset = (a + b) / 2;
   c.column.gain = std::abs(b - a) / (2 * top);
   c.by_code.resize(code_count);
-  int lowest = codes, highest = -1;
+  int lowest = code_count, highest = -1;
   for (int code = 0; code < code_count; ++code) {
     const double volts = calibration.volts(c.element.range, code);
     const double count = (interpolate(table, volts) - c.column.offset) / c.column.gain;

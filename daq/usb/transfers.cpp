@@ -71,4 +71,10 @@ bool Transfers::cancel(Link& link, HostClock& clock) {
   return in_flight_ == 0;
 }
 
+void Transfers::forget() {
+  transfers_.clear();
+  order_.clear();
+  in_flight_ = 0;
+}
+
 }  // namespace ferrobench::daq::usb

@@ -37,6 +37,8 @@ class Transfers {
   void wait(Link& link, std::chrono::milliseconds timeout, std::vector<Done>& out);
   // Takes back what is in flight. False: some did not come back in time.
   bool cancel(Link& link, HostClock& clock);
+  // After the link is closed: nothing comes back any more.
+  void forget();
 
  private:
   std::deque<Transfer> transfers_;   // token: index

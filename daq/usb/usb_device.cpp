@@ -51,8 +51,14 @@ UsbDevice::~UsbDevice() {
   }
 }
 
-void UsbDevice::connect() {
+void UsbDevice::disconnect() {
   unit_.reset();
+  transfers_.forget();
+  lost_ = true;
+}
+
+void UsbDevice::connect() {
+  disconnect();
   unit_ = std::make_unique<Unit>(connect_());
   id_ = unit_->id();
   model_ = &unit_->model();
@@ -193,8 +199,7 @@ void UsbDevice::settle(const Rest& rest) {
   level_ = rest.level;
   if (!rest.transfers_back || rest.lost) {
     known_ = false;
-    lost_ = true;
-    unit_.reset();
+    disconnect();
     return;
   }
   if (known_) return;

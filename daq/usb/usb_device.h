@@ -43,6 +43,7 @@ class UsbDevice final : public Device {
 
  private:
   void connect();
+  void disconnect();
   void ensure_connected();
   void set_up_lines();
   void set_latch(std::uint8_t levels);

@@ -30,7 +30,8 @@ struct FakeState {
   bool fpga = true;
   std::map<std::uint16_t, std::byte> eeprom;
   std::vector<std::byte> fpga_image;
-  std::uint8_t latch = 0, inputs_mask = 0xFF, pins = 0xFF;
+  std::uint8_t latch = 0, inputs_mask = 0xFF;
+  std::atomic<std::uint8_t> pins = 0xFF;  // set while a stream runs
   std::uint16_t output = 0x8000;
   std::vector<std::uint16_t> written;  // by single values
   std::vector<std::uint16_t> played;   // by the scan, tick by tick
@@ -138,7 +139,7 @@ class FakeUnit final : public Link {
     };
     switch (r.request) {
       case 0x01:
-        data[0] = static_cast<std::byte>(s.pins);
+        data[0] = static_cast<std::byte>(s.pins.load());
         actual = 1;
         return LinkStatus::ok;
       case 0x18:
