@@ -185,8 +185,8 @@ INSTANTIATE_TEST_SUITE_P(
               BlockStatus::timeout, "input queue"},
         Fault{"unplugged", [](FakeState& s) { s.unplug_at = 700; }, BlockStatus::device_lost, "no device",
               false}),
-    [](const auto& info) {
-      std::string name = info.param.name;
+    [](const auto& test) {
+      std::string name = test.param.name;
       std::replace(name.begin(), name.end(), ' ', '_');
       return name;
     });
