@@ -26,10 +26,10 @@ QueueElement element_of(std::int64_t channel, double range, Wiring wiring) {
 
 // SI value = (volts - zero) per_volt.
 void scale(InputColumn& c, const Calibration& calibration, double per_volt, double zero) {
-  const double at_zero = calibration.volts(c.element.range, code_count / 2);
-  const double per_count = calibration.volts(c.element.range, code_count / 2 + 1) - at_zero;
-  c.column.gain = per_count * per_volt;
-  c.column.offset = (at_zero - zero) * per_volt;
+  const auto volts = [&](int code) { return calibration.volts(c.element.range, code); };
+  // Over all codes: a step of one would carry its rounding to the ends.
+  c.column.gain = (volts(code_count - 1) - volts(0)) / (code_count - 1) * per_volt;
+  c.column.offset = (volts(code_count / 2) - zero) * per_volt;
 }
 
 double interpolate(const std::vector<TablePoint>& table, double volts) {

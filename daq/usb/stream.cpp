@@ -55,17 +55,16 @@ Stream::Stream(Unit& unit, Transfers& transfers, const Inputs& inputs, const Str
   try {
     prepare();
     arm();
-    if (!trouble_) thread_ = std::thread([this] { run(); });
+    if (trouble_)
+      throw Error(
+          trouble_->status == BlockStatus::device_lost ? ErrorCode::device_lost : ErrorCode::bad_state,
+          trouble_->message, Problem{.path = "/start", .hint = wire_hint(plan_.start.mode)});
+    thread_ = std::thread([this] { run(); });  // from here on all but the queue is the thread's
   } catch (...) {
     halt();
     rest = rest_;
     throw;
   }
-  if (!trouble_) return;
-  halt();
-  rest = rest_;
-  throw Error(trouble_->status == BlockStatus::device_lost ? ErrorCode::device_lost : ErrorCode::bad_state,
-              trouble_->message, Problem{.path = "/start", .hint = wire_hint(plan_.start.mode)});
 }
 
 // Full packets where they fill transfers soon enough; else packets of whole ticks that end their transfer

@@ -15,7 +15,8 @@ using testing::HasSubstr;
 RC_GTEST_PROP(Pace, IsWhatItSaysAndAskingForItAgainGivesItAgain, ()) {
   const double fastest = *rc::gen::element(125e3, 100e3, 166666.7, 500e3);
   const double update = *rc::gen::element(0.0, 1000.0, 2000.0, 1999.3, 1e5, 5e5);
-  const double asked = std::exp(*rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, 1000000)) * 1e-6 * std::log(fastest));
+  const double asked =
+      std::exp(*rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, 1000000)) * 1e-6 * std::log(fastest));
   const auto pace = pace_for(asked, update, fastest);
   const double rate = pace.row_rate();
   RC_ASSERT(pace.tick_rate() <= fastest * (1 + 1e-9));
