@@ -12,7 +12,7 @@ namespace ferrobench::daq::usb {
 
 class BlockQueue {
  public:
-  static constexpr std::size_t capacity = 1024;
+  static constexpr std::size_t capacity = 4096;  // 100 s of them
 
   SampleBlock take_empty();
   // False: nobody reads, there is no room.

@@ -211,6 +211,10 @@ void Stream::look() {
   if (status.input_overrun())
     return fail(
         {BlockStatus::overrun, "the unit's input FIFO overran; choose a lower rate or free the computer"});
+  // Output follows input: where no input comes, the output runs dry as a consequence.
+  if (status.output_underrun() && clock_.now() - heard_ > packet_time_ + 2 * look_interval)
+    return fail({BlockStatus::timeout,
+                 "the unit stopped sending samples after tick " + std::to_string(cutter_.received())});
   if (status.output_underrun())
     return fail(
         {BlockStatus::underrun, "the unit's output FIFO ran dry; raise queue_ahead or free the computer"});

@@ -6,6 +6,7 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <thread>
 #include <vector>
 
 #include "daq/usb/host_clock.h"
@@ -17,7 +18,11 @@ namespace ferrobench::daq::usb {
 class FakeClock final : public HostClock {
  public:
   TimePoint now() const override { return TimePoint(std::chrono::nanoseconds(now_)); }
-  void sleep_for(std::chrono::nanoseconds time) override { now_ += time.count(); }
+  void sleep_for(std::chrono::nanoseconds time) override {
+    if (real) std::this_thread::sleep_for(time);
+    now_ += time.count();
+  }
+  std::atomic<bool> real = false;  // for a test whose reader must keep up
 
  private:
   std::atomic<std::int64_t> now_{1'000'000'000};
