@@ -53,6 +53,11 @@ struct FakeState {
   std::size_t odd_packets = 0;  // cut packets to this many bytes
 };
 
+// What the second input shows at a tick, within the codes that are no clipping.
+inline std::uint16_t counter(std::uint64_t tick) {
+  return static_cast<std::uint16_t>(1 + tick % 65534);
+}
+
 inline std::string hex_of(std::span<const std::byte> bytes) {
   std::string out;
   for (const auto b : bytes) {
@@ -259,7 +264,7 @@ class FakeUnit final : public Link {
         const auto place = (c + s.rotation) % width_;
         const std::uint16_t code = place + 1 == width_ ? s.marker
                                    : place == 0        ? (s.monitor ? s.output : 0x8000)
-                                   : place == 1        ? static_cast<std::uint16_t>(tick_)
+                                   : place == 1        ? counter(static_cast<std::uint64_t>(tick_))
                                                        : std::uint16_t{0x8000};
         append_le(code, stream_);
       }
