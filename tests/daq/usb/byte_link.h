@@ -19,8 +19,9 @@ class ByteLink final : public Link {
   }
 
   DeviceId id() const override { return id_; }
-  LinkStatus control_out(const ControlRequest&, std::span<const std::byte>,
+  LinkStatus control_out(const ControlRequest& r, std::span<const std::byte>,
                          std::chrono::milliseconds) override {
+    if (r.request == 0x02) started_ = (r.value & 1) != 0;
     return status();
   }
   LinkStatus control_in(const ControlRequest& r, std::span<std::byte> data, std::size_t& actual,
@@ -33,8 +34,10 @@ class ByteLink final : public Link {
       const auto drawn = static_cast<std::byte>(draw());
       data[i] = !tame_ ? drawn : memory ? (i % 8 < 4 ? one[i % 4] : std::byte{0}) : drawn;
     }
-    if (tame_ && word && data.size() == 2 && data[0] < std::byte{0xF0})
-      data[0] = std::byte{0x0A}, data[1] = std::byte{1};
+    if (tame_ && data.size() >= 2 && data[0] < std::byte{0xF0}) {
+      if (word) data[0] = std::byte{0x0A}, data[1] = std::byte{1};
+      if (r.request == 0x18) data[0] = std::byte{0}, data[1] = std::byte{0x80};  // the output rests
+    }
     return status();
   }
   LinkStatus clear_halt(std::uint8_t) override { return status(); }
@@ -69,12 +72,12 @@ class ByteLink final : public Link {
         out_.pop_front();
         out.push_back({token, status(), draw() < 250 ? size : draw()});
       }
-      if (in_.empty()) continue;
+      if (in_.empty() || (tame_ && !started_)) continue;
       const auto which = draw() < 250 ? 0 : draw() % in_.size();
       const auto [buffer, token] = in_[which];
       in_.erase(in_.begin() + static_cast<std::ptrdiff_t>(which));
-      // Whole ticks at rest with the marker at its level, unless the bytes say otherwise.
-      const auto actual = draw() < 250 ? buffer.size() / 8 * 8 : draw() * draw();
+      // A few whole ticks at rest with the marker at its level, unless the bytes say otherwise.
+      const auto actual = draw() < 250 ? std::min(buffer.size(), 8 * (1 + draw() % 16)) : draw() * draw();
       constexpr std::byte rest[] = {std::byte{0}, std::byte{0x80}, std::byte{0}, std::byte{0x80},
                                     std::byte{0}, std::byte{0x80}, std::byte{0}, std::byte{0xC0}};
       const bool wild = draw() > 240;
@@ -100,7 +103,7 @@ class ByteLink final : public Link {
   std::span<const std::byte>& answers_;
   FakeClock& clock_;
   DeviceId id_;
-  bool tame_ = false, cancelled_ = false;
+  bool tame_ = false, cancelled_ = false, started_ = false;
   std::deque<std::pair<std::span<std::byte>, std::uint64_t>> in_;
   std::deque<std::pair<std::size_t, std::uint64_t>> out_;
 };
