@@ -162,7 +162,8 @@ TEST_F(FaultsTest, AHangGivesNothingUntilStopped) {
   client.unit.arm({.hang = 512});
   start(client);
   const auto samples = take(client);
-  EXPECT_EQ(samples.size(), 1024U);
+  EXPECT_GE(samples.size(), 512U);
+  EXPECT_LE(samples.size(), 1024U) << "what had not left the FIFO stays there";
   EXPECT_EQ(client.write(request::input_stop), ok) << "requests still work";
   EXPECT_FALSE(client.unit.faults().hang);
 }

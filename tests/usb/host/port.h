@@ -46,6 +46,8 @@ class Port {
   // The transfers that finished, oldest first; each is given once.
   std::vector<Finished> take_finished();
   bool has_finished() const { return !finished_.empty(); }
+  std::size_t in_under_way() const { return in_.size(); }
+  std::size_t out_under_way() const { return out_.size(); }
   std::size_t under_way() const { return in_.size() + out_.size(); }
 
  private:

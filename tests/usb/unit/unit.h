@@ -42,6 +42,8 @@ class Unit {
   Handshake take_packet(std::vector<std::byte>& packet);     // endpoint 0x86
   Handshake give_packet(std::span<const std::byte> packet);  // endpoint 0x02
 
+  bool input_on() const { return input_.on() && !input_.armed(); }
+  bool output_on() const { return output_.on() && !output_.armed(); }
   bool on_bus() const { return on_bus_; }
   void unplug();    // bus and, as the unit has no other, power
   void lose_bus();  // the bus only, as behind a failing hub: the scans go on
