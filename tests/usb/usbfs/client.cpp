@@ -201,6 +201,15 @@ void stream(Transfer& transfer, bool unplug) {
   for (Transfer& t : more) expect(t.wait(10) && t.transfer->status == expected, "how the transfers end");
 }
 
+void cancel_and_unplug() {
+  Transfer transfer;
+  expect(transfer.submit(in_endpoint, Buffer(512)) == 0 && !transfer.wait(0.3), "data out of nowhere");
+  libusb_cancel_transfer(transfer.transfer);
+  expect(transfer.wait(5) && transfer.transfer->status == LIBUSB_TRANSFER_CANCELLED, "cancelling");
+  stream(transfer, false);
+  stream(transfer, true);
+}
+
 }  // namespace
 
 int main() {
@@ -208,12 +217,7 @@ int main() {
   open_unit();
   load_fpga();
   loop_back();
-  Transfer transfer;
-  expect(transfer.submit(in_endpoint, Buffer(512)) == 0 && !transfer.wait(0.3), "data out of nowhere");
-  libusb_cancel_transfer(transfer.transfer);
-  expect(transfer.wait(5) && transfer.transfer->status == LIBUSB_TRANSFER_CANCELLED, "cancelling");
-  stream(transfer, false);
-  stream(transfer, true);
+  cancel_and_unplug();
   expect(write(0x13) == LIBUSB_ERROR_NO_DEVICE, "an unplugged unit answers");
   libusb_close(device);
 
