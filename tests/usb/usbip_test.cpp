@@ -88,7 +88,7 @@ class UsbipTest : public testing::Test {
     const Bytes bytes = receive(wire::header_size);
     if (bytes.size() != wire::header_size) return {};
     Reply out{wire::parse_header(bytes), {}};
-    if (in) out.data = receive(out.header.length);
+    if (in && out.header.length > 0) out.data = receive(out.header.length);
     return out;
   }
   Reply control(bool in, unsigned number, std::size_t length, const Bytes& data = {}) {
