@@ -210,6 +210,16 @@ void cancel_and_unplug() {
   stream(transfer, true);
 }
 
+// Null if it does not come back.
+void reopen() {
+  const auto begin = std::chrono::steady_clock::now();
+  do {
+    timeval slice{0, 20'000};
+    libusb_handle_events_timeout(nullptr, &slice);
+    device = libusb_open_device_with_vid_pid(nullptr, 0x09DB, 0x0136);
+  } while (device == nullptr && seconds_since(begin) < 10);
+}
+
 }  // namespace
 
 int main() {
@@ -222,13 +232,13 @@ int main() {
   libusb_close(device);
 
   kill(std::atoi(std::getenv("FERROBENCH_USB_EMULATOR")), SIGUSR2);
-  const auto begin = std::chrono::steady_clock::now();
-  do {
-    timeval slice{0, 20'000};
-    libusb_handle_events_timeout(nullptr, &slice);
-    device = libusb_open_device_with_vid_pid(nullptr, 0x09DB, 0x0136);
-  } while (device == nullptr && seconds_since(begin) < 10);
+  reopen();
   expect(device != nullptr && word(read(0x40, 2)) == 0, "back on the bus, without its FPGA image");
+  write(0x42);
+  expect(write(0x13) == LIBUSB_ERROR_NO_DEVICE, "a unit answers while it resets");
+  libusb_close(device);
+  reopen();
+  expect(device != nullptr && word(read(0x40, 2)) == 0, "back from its reset");
   libusb_close(device);
   libusb_exit(nullptr);
   std::puts("the unit did all that was asked of it");

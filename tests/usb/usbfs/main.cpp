@@ -24,6 +24,9 @@ extern char** environ;
 namespace ferrobench::emulator {
 namespace {
 
+// From a reset request to being on the bus again.
+constexpr std::chrono::milliseconds reset_time{200};
+
 volatile std::sig_atomic_t unplug_asked = 0, plug_asked = 0;
 
 nlohmann::json configuration(const std::string& path) {
@@ -55,13 +58,17 @@ int run(const nlohmann::json& json, char** command) {
   if (const int error = posix_spawnp(&child, command[0], nullptr, nullptr, command, environ); error != 0)
     throw std::system_error(error, std::generic_category(), command[0]);
   bool on_bus = true;
+  std::optional<std::chrono::steady_clock::time_point> back;  // from a reset
   int status = 0;
   while (waitpid(child, &status, WNOHANG) == 0) {
     {
       const std::scoped_lock lock(mutex);
       Unit& unit = emulator.unit();
       if (std::exchange(unplug_asked, 0) != 0) unit.unplug();
-      if (std::exchange(plug_asked, 0) != 0) unit.plug();
+      if (usbfs.take_reset()) back = std::chrono::steady_clock::now() + reset_time;
+      const bool again = back && std::chrono::steady_clock::now() >= *back;
+      if (again) back.reset();
+      if (again || std::exchange(plug_asked, 0) != 0) unit.plug();
       emulator.keep_up();
       usbfs.collect();
       testbed.set_reapable(usbfs.reapable());

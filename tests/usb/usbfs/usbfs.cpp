@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "unit/bytes.h"
+#include "unit/requests.h"
 
 namespace ferrobench::emulator {
 
@@ -130,15 +131,23 @@ int Usbfs::control(UMockdevIoctlData& arg) {
   if (transfer.wLength != 0 && !buffer) return -EFAULT;
   std::vector<std::byte> data, answer;
   if (!in && buffer) data = contents(*buffer);
-  const Outcome outcome = port_.control({.type = transfer.bRequestType,
-                                         .number = transfer.bRequest,
-                                         .value = transfer.wValue,
-                                         .index = transfer.wIndex,
-                                         .length = transfer.wLength},
-                                        data, answer);
+  const Outcome outcome = forward({.type = transfer.bRequestType,
+                                   .number = transfer.bRequest,
+                                   .value = transfer.wValue,
+                                   .index = transfer.wIndex,
+                                   .length = transfer.wLength},
+                                  data, answer);
   if (outcome != Outcome::ok) return status_of(outcome);
   if (in && !answer.empty()) store(*buffer, 0, answer.data(), answer.size());
   return static_cast<int>(in ? answer.size() : data.size());
+}
+
+Outcome Usbfs::forward(const Request& request, std::span<const std::byte> data,
+                       std::vector<std::byte>& answer) {
+  const Outcome outcome = port_.control(request, data, answer);
+  reset_ |=
+      request.type == vendor_out && request.number == emulator::request::reset && outcome == Outcome::ok;
+  return outcome;
 }
 
 int Usbfs::submit(UMockdevIoctlData& arg) {
@@ -167,7 +176,7 @@ int Usbfs::submit_control(Data urb, std::size_t length) {
   const bool in = (request.type & 0x80U) != 0;
   const auto data = std::span(bytes).subspan(setup_packet, in ? 0 : request.length);
   std::vector<std::byte> answer;
-  const Outcome outcome = port_.control(request, data, answer);
+  const Outcome outcome = forward(request, data, answer);
   const std::size_t moved = outcome != Outcome::ok ? 0 : in ? answer.size() : data.size();
   done_.push_back({.urb = std::move(urb),
                    .status = status_of(outcome),

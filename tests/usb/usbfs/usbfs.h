@@ -8,6 +8,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "host/port.h"
 
@@ -22,6 +23,8 @@ class Usbfs {
   // Takes over what the port has finished.
   void collect();
   bool reapable() const { return !done_.empty(); }
+  // Once after each reset request that the unit obeyed: it comes back by itself.
+  bool take_reset() { return std::exchange(reset_, false); }
 
  private:
   struct Unref {
@@ -35,6 +38,7 @@ class Usbfs {
     std::size_t offset, moved;
   };
 
+  Outcome forward(const Request& request, std::span<const std::byte> data, std::vector<std::byte>& answer);
   int submit(UMockdevIoctlData& arg);
   int submit_control(Data urb, std::size_t length);
   int submit_bulk(Data urb, std::uint8_t endpoint, std::size_t length);
@@ -45,6 +49,7 @@ class Usbfs {
   int capabilities(UMockdevIoctlData& arg);
 
   Port& port_;
+  bool reset_ = false;
   std::uint64_t next_ = 1;
   std::map<std::uint64_t, Data> submitted_;
   std::deque<Done> done_;
