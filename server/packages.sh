@@ -4,7 +4,8 @@ build_packages="cmake ninja-build g++ ccache git ca-certificates pkg-config
   libusb-1.0-0-dev libssl-dev
   gnuplot-nox"
 test_packages="libgtest-dev libgmock-dev librapidcheck-dev libsundials-dev libbenchmark-dev
-  python3 python3-h5py python3-jsonschema python3-jsonrpclib-pelix chromium"
+  python3 python3-h5py python3-jsonschema python3-jsonrpclib-pelix chromium
+  libusb-1.0-0-dev libumockdev-dev umockdev"
 
 # Installs those of the packages that are missing; root or sudo is needed only then.
 install_missing() {
