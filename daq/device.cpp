@@ -3,8 +3,8 @@
 namespace ferrobench::daq {
 
 std::string_view block_status_name(BlockStatus status) {
-  constexpr std::array<std::string_view, 8> names{"ok",         "overrun", "underrun",    "timeout",
-                                                  "short_data", "stall",   "device_lost", "clipped"};
+  constexpr std::array<std::string_view, 9> names{
+      "ok", "overrun", "underrun", "timeout", "short_data", "stall", "device_lost", "clipped", "misaligned"};
   return names.at(static_cast<std::size_t>(status));
 }
 

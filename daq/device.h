@@ -15,12 +15,25 @@
 #include <string_view>
 #include <vector>
 
+#include "protocols/common/error.h"
+#include "protocols/waveform.h"
 #include "recordings/recording.h"
 
 namespace ferrobench::daq {
 
-// What happened in a block, carried with the data.
-enum class BlockStatus { ok, overrun, underrun, timeout, short_data, stall, device_lost, clipped };
+// What happened in a block, carried with the data. misaligned: the channels are not where they belong, or the
+// field is not the one asked for.
+enum class BlockStatus {
+  ok,
+  overrun,
+  underrun,
+  timeout,
+  short_data,
+  stall,
+  device_lost,
+  clipped,
+  misaligned
+};
 std::string_view block_status_name(BlockStatus status);
 
 // `rows` rows by `columns` counts, row after row; the columns are those of Device::columns(). A first_sample
@@ -74,8 +87,15 @@ class Device {
   // The rate [rows/s] that the device runs at when asked for this one: its pacer has steps.
   // Throws Error(invalid_params) outside what it can do.
   virtual double scan_rate(double asked) const = 0;
+  // What the device cannot do of a program, beyond its output range; paths are "/segments/N/...".
+  virtual std::vector<Problem> problems(const protocols::SampledWaveform&) const { return {}; }
+  // The specimen in it and its load, where there is no model that says so.
+  virtual std::optional<recordings::Specimen> specimen() const { return std::nullopt; }
+  virtual recordings::LoadCase load() const { return {}; }
+  // False while the device's own interlock line is open.
+  virtual bool interlock_closed() { return true; }
 
-  // The level last brought to the output, V/m, as asked for.
+  // The level last brought to the output, V/m, as asked for; NaN where that is not known.
   virtual double output() const = 0;
   // Ends a stream if one is running, then brings the output linearly to `level` at `slew` [V/m/s] and returns
   // when it is there; nothing is recorded. Also the way to zero when a stream has failed, so it must not

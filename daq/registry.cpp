@@ -1,5 +1,7 @@
 #include "daq/registry.h"
 
+#include "daq/usb/config.h"
+#include "daq/usb/usb_device.h"
 #include "daq/virtual/virtual_device.h"
 
 namespace ferrobench::daq {
@@ -10,6 +12,10 @@ std::span<const DeviceKind> device_kinds() {
                  .description = "a specimen, amplifier and sensors computed by a model",
                  .schema = [] { return json_schema<VirtualConfig>(); },
                  .open = VirtualDevice::open},
+      DeviceKind{.name = "usb",
+                 .description = "a USB-1608GX-2AO with amplifier and sensors",
+                 .schema = [] { return json_schema<usb::UsbConfig>(); },
+                 .open = usb::UsbDevice::open},
   };
   return kinds;
 }

@@ -49,8 +49,12 @@ Guard::~Guard() {
   if (!outcome_.output_at_zero) make_safe();
 }
 
+bool Guard::interlock_closed() const {
+  return (!interlock_ || interlock_()) && device_.interlock_closed();
+}
+
 void Guard::demand_interlock() const {
-  if (interlock_ && !interlock_())
+  if (!interlock_closed())
     throw Error(ErrorCode::interlock_open, "the interlock is open",
                 Problem{.message = "no field while it is open", .hint = "close it and start again"});
 }
@@ -93,6 +97,8 @@ void Guard::start(protocols::SampledWaveform program) {
   if (program.size() == 0) throw Error(ErrorCode::bad_protocol, "the program has no samples");
   if (auto found = check(program, limits_); !found.empty())
     throw Error(ErrorCode::limit_exceeded, "the program would pass a limit", std::move(found));
+  if (auto found = device_.problems(program); !found.empty())
+    throw Error(ErrorCode::limit_exceeded, "the device cannot play the program", std::move(found));
   const double first = program.value(0);
   if (!(std::abs(device_.output() - first) <= 1e-6 * (limits_.field_max - limits_.field_min)))
     throw Error(
@@ -139,6 +145,10 @@ bool Guard::read(SampleBlock& block) {
     if (interlock_ && !interlock_()) feed_->stop(End::interlock, "the interlock opened");
   }
   try {
+    if (!device_.interlock_closed()) {
+      const std::scoped_lock lock(mutex_);
+      feed_->stop(End::interlock, "the device's interlock line opened");
+    }
     if (!device_.read(block)) {
       block.rows = 0;
       block.counts.clear();
@@ -173,7 +183,7 @@ std::string Guard::fault_in(SampleBlock& block) {
                 : "the device returned samples that were never asked for";
   }
   if (block.status == BlockStatus::underrun || block.status == BlockStatus::stall ||
-      block.status == BlockStatus::device_lost)
+      block.status == BlockStatus::device_lost || block.status == BlockStatus::misaligned)
     return std::string(block_status_name(block.status)) + ": " + block.message;
   // A silent read lasts about a second, and a slow scan has every right to that.
   silent_reads_ = block.rows > 0 ? 0 : silent_reads_ + 1;

@@ -2,6 +2,7 @@
 #include <iostream>
 #include <thread>
 
+#include "daq/usb/config.h"
 #include "server/cli/link.h"
 
 namespace ferrobench::cli {
@@ -13,7 +14,7 @@ namespace {
 
 struct RunOptions {
   std::string protocol{}, model{}, out{}, notes{};
-  std::string device = "virtual";
+  std::string device = "virtual", config{};
   bool fast = false, force = false, quiet = false;
   std::int64_t seed = 1;
   std::vector<std::string> set{};
@@ -61,6 +62,7 @@ int run(const RunOptions& o, const Common& common) {
               {"seed", o.seed},
               {"set", set_argument(o.set)},
               {"notes", o.notes}};
+  if (!o.config.empty()) params["config"] = daq::usb::load_json(o.config);
   if (const auto model = model_argument(o.model); !model.is_null()) params["model"] = model;
   json started;
   if (link.is_daemon() || o.out.empty()) {
@@ -98,6 +100,8 @@ void add_run(CLI::App& app, Common& common) {
                   "name of a shipped protocol, or a file (.json, or .csv of time in s and kV/mm)")
       ->required();
   sub->add_option("--device", o->device, "kind of device, or one opened before")->capture_default_str();
+  sub->add_option("--device-config", o->config, "what the device is and what is wired to it")
+      ->type_name("FILE.json");
   sub->add_option("--model", o->model, "virtual device: model by name or file");
   sub->add_flag("--fast", o->fast, "virtual device: as fast as it can be computed");
   sub->add_option("--seed", o->seed, "virtual device: of the noise; same seed, same signals")

@@ -104,6 +104,17 @@ class Reader {
   std::vector<Problem> problems_;
 };
 
+// Where no model says it: of the open device, or of the one that the configuration describes.
+std::optional<double> layer_thickness_of(const json& config, const daq::Device* open) {
+  if (open != nullptr) {
+    const auto specimen = open->specimen();
+    return specimen ? std::optional(specimen->layer_thickness) : std::nullopt;
+  }
+  const auto at = json::json_pointer("/specimen/layer_thickness");
+  if (config.contains(at) && config.at(at).is_number()) return config.at(at).get<double>();
+  return std::nullopt;
+}
+
 }  // namespace
 
 protocols::Protocol resolve_protocol(const json& given) {
@@ -125,11 +136,32 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
                 Problem{.path = request.model.is_null() ? "/fast" : "/model",
                         .message = "cannot be chosen for an open device",
                         .hint = "name the kind of device instead, and it is opened for this run"});
-  plan.model = fresh ? resolve_model(request.model, store) : open->model();
-  json device = json::object();
+  if (!fresh && !request.config.is_null())
+    throw Error(ErrorCode::invalid_params, "the device is open already and keeps its configuration",
+                Problem{.path = "/config", .hint = "close it, and open it with the new configuration"});
+  const bool modelled = fresh && request.device == "virtual";
+  if (fresh && !modelled && (!request.model.is_null() || request.fast))
+    throw Error(ErrorCode::invalid_params, "only the virtual device has a model and a fast clock",
+                Problem{.path = request.model.is_null() ? "/fast" : "/model",
+                        .given = request.device,
+                        .hint = "leave it out; the specimen stands in the device's configuration"});
+  if (modelled) plan.model = resolve_model(request.model, store);
+  if (!fresh) plan.model = open->model();
+  json device = request.config.is_null() ? json::object() : request.config;
+  if (!device.is_object())
+    throw Error(ErrorCode::invalid_params, "a device's configuration is an object",
+                Problem{.path = "/config", .given = excerpt(device.dump())});
   const auto settings = Reader(plan.protocol, plan.model, device, fresh).read(request.set);
 
-  if (fresh) {
+  if (fresh && !modelled) {
+    const auto load = plan.protocol.load();
+    if (const auto p = settings.prestress ? settings.prestress : load.prestress)
+      set_path(device, "load.prestress", *p, true);
+    if (const auto k = settings.spring_stiffness ? settings.spring_stiffness : load.spring_stiffness)
+      set_path(device, "load.spring_stiffness", *k, true);
+    plan.device_config = device;
+  }
+  if (modelled) {
     const auto load = plan.protocol.load();
     auto& in_force = plan.model["load"];
     if (const auto p = settings.prestress ? settings.prestress : load.prestress) in_force["prestress"] = *p;
@@ -146,6 +178,8 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
   // Volts act on the layers of the specimen that is there, whichever one the program was written for.
   if (plan.protocol.json().value("unit", "") == "V" && !plan.model.is_null())
     options.layer_thickness = plan.model.at("actuator").at("layer_thickness").get<double>();
+  if (plan.protocol.json().value("unit", "") == "V" && plan.model.is_null())
+    options.layer_thickness = layer_thickness_of(device, open).value_or(0);
   plan.protocol = plan.protocol.with(options);
   plan.sample_rate = settings.sample_rate.value_or(plan.protocol.sample_rate().value_or(usual_sample_rate));
   return plan;

@@ -16,6 +16,7 @@ namespace ferrobench::server {
 struct RunRequest {
   nlohmann::json protocol{};       // name of a shipped one, or a protocol
   std::string device = "virtual";  // a kind, opened for this run alone, or a device opened before
+  nlohmann::json config{};         // of the device, where it is opened for this run
   nlohmann::json model{};          // name or model; virtual device only
   bool fast = false;
   std::int64_t seed = 1;
@@ -27,6 +28,7 @@ template <class Visitor>
 void describe(Visitor& visit, RunRequest& r) {
   visit("protocol", r.protocol, {.required = true, .doc = "name of a shipped protocol, or a protocol"});
   visit("device", r.device, {.doc = "a kind of device (opened for this run alone), or one opened before"});
+  visit("config", r.config, {.doc = "of a device that is opened for this run, as device.list describes it"});
   visit("model", r.model, {.doc = "name of a model, or a model; for the virtual device"});
   visit("fast", r.fast, {.doc = "virtual device: as fast as it can be computed, not in real time"});
   visit("seed", r.seed, {.min = 0, .doc = "virtual device: of the noise; same seed, same bytes"});

@@ -31,7 +31,11 @@ recordings::Header header_of(const RunSetup& setup, const daq::Device& device, d
   header.device["sample_rate_asked"] = setup.plan.sample_rate;
   header.device["sample_rate"] = rate;
   if (header.device.contains("seed")) header.run_seed = header.device["seed"].get<std::int64_t>();
-  if (header.model.is_null()) return header;
+  if (header.model.is_null()) {
+    header.specimen = device.specimen().value_or(recordings::Specimen{});
+    header.load = device.load();
+    return header;
+  }
   const auto model = model::model_from_json(header.model);
   const auto& a = model.actuator;
   header.specimen = {model.name, a.length, a.area, a.layer_thickness, a.layer_count};
@@ -99,6 +103,8 @@ Run::Run(RunSetup setup, Hub& hub)
       begin_(std::chrono::steady_clock::now()) {
   if (auto found = daq::check(program_, guard_->limits()); !found.empty())
     throw Error(ErrorCode::limit_exceeded, "the program would pass a limit", std::move(found));
+  if (auto found = setup_.device->problems(program_); !found.empty())
+    throw Error(ErrorCode::limit_exceeded, "the device cannot play the program", std::move(found));
   const auto header = header_of(setup_, *setup_.device, program_.rate());
   started_ = header.start_time;
   sink_ =

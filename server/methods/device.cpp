@@ -1,5 +1,6 @@
 #include "daq/registry.h"
 #include "daq/selftest.h"
+#include "daq/usb/units.h"
 #include "server/methods/methods.h"
 
 namespace ferrobench::server {
@@ -19,11 +20,15 @@ void describe(Visitor& visit, DeviceKindRow& r) {
 struct DeviceList {
   std::vector<DeviceKindRow> kinds{};
   std::vector<std::string> open{};
+  std::vector<daq::usb::UnitFound> usb{};
+  std::string usb_problem{};
 };
 template <class Visitor>
 void describe(Visitor& visit, DeviceList& l) {
   visit("kinds", l.kinds, {.required = true});
   visit("open", l.open, {.required = true, .doc = "ids of the devices that are open"});
+  visit("usb", l.usb, {.doc = "units attached now"});
+  visit("usb_problem", l.usb_problem, {.doc = "why USB cannot be looked at, \"\" if it can"});
 }
 
 struct OpenParams {
@@ -64,11 +69,16 @@ DeviceInfo opened(Engine& engine, const std::string& id) {
 
 void add_device_methods(Dispatcher& rpc, Engine& engine) {
   rpc.add<NoParams>(
-      {.name = "device.list", .doc = "The kinds of device there are, and those open."},
+      {.name = "device.list", .doc = "The kinds of device there are, those open, and the units attached."},
       [&engine](const NoParams&) {
         DeviceList out{.kinds = {}, .open = engine.open_devices()};
         for (const auto& kind : daq::device_kinds())
           out.kinds.push_back({std::string(kind.name), std::string(kind.description), kind.schema()});
+        try {
+          out.usb = daq::usb::units();
+        } catch (const Error& failure) {  // the list is as good without
+          out.usb_problem = failure.what();
+        }
         return out;
       });
   rpc.add<OpenParams>(

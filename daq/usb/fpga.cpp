@@ -1,0 +1,77 @@
+#include "daq/usb/fpga.h"
+
+#include <openssl/evp.h>
+
+#include <array>
+#include <fstream>
+
+namespace ferrobench::daq::usb {
+
+namespace {
+
+std::string sha256(std::span<const std::byte> data) {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned size = 0;
+  if (EVP_Digest(data.data(), data.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1)
+    throw Error(ErrorCode::internal, "SHA-256 cannot be computed");
+  std::string out;
+  constexpr std::string_view digits = "0123456789abcdef";
+  for (unsigned i = 0; i < size; ++i) {
+    out += digits[digest.at(i) >> 4];
+    out += digits[digest.at(i) & 15];
+  }
+  return out;
+}
+
+std::string source_of(const ProductModel& model) {
+  return "the image for this " + std::string(model.name) + " has " + std::to_string(model.fpga_bytes) +
+         " bytes, SHA-256 " + std::string(model.fpga_sha256) + "; it is the file fpga/" +
+         std::string(model.fpga_file) +
+         " of the vendor's open-source library uldaq (github.com/mccdaq/uldaq); keep a copy and name it in "
+         "fpga_image";
+}
+
+}  // namespace
+
+std::vector<std::byte> read_fpga_image(const std::string& path, const ProductModel& model) {
+  if (path.empty())
+    throw Error(ErrorCode::invalid_params, "the unit needs its FPGA image and the configuration names none",
+                Problem{.path = "/fpga_image", .message = "is missing", .hint = source_of(model)});
+  std::ifstream file(path, std::ios::binary);
+  std::vector<std::byte> image(model.fpga_bytes + 1);  // one more shows a file that is too long
+  if (file) file.read(reinterpret_cast<char*>(image.data()), static_cast<std::streamsize>(image.size()));
+  const auto size = static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0));
+  if (!file.is_open() || file.bad() || size == 0)
+    throw Error(ErrorCode::io_error, "the FPGA image cannot be read",
+                Problem{.path = "/fpga_image", .given = path, .hint = source_of(model)});
+  if (size != model.fpga_bytes)
+    throw Error(ErrorCode::invalid_params, "the file is not the FPGA image of this unit",
+                Problem{.path = "/fpga_image",
+                        .message = size > model.fpga_bytes ? "is too long" : "is too short",
+                        .given = path,
+                        .allowed = model.fpga_bytes,
+                        .unit = "bytes",
+                        .hint = source_of(model)});
+  image.resize(size);
+  if (const auto found = sha256(image); found != model.fpga_sha256)
+    throw Error(ErrorCode::invalid_params, "the file is not the FPGA image of this unit",
+                Problem{.path = "/fpga_image",
+                        .message = "has another SHA-256",
+                        .given = found,
+                        .allowed = model.fpga_sha256,
+                        .hint = source_of(model)});
+  return image;
+}
+
+bool ensure_fpga(Unit& unit, const std::string& path) {
+  if (unit.status().fpga_configured()) return false;
+  unit.load_fpga(read_fpga_image(path, unit.model()));
+  if (!unit.status().fpga_configured())
+    throw Error(ErrorCode::device_unavailable, "the unit did not accept its FPGA image",
+                Problem{.path = "/fpga_image",
+                        .given = path,
+                        .hint = "unplug the unit, plug it in again and start again"});
+  return true;
+}
+
+}  // namespace ferrobench::daq::usb

@@ -1,0 +1,115 @@
+#include "host/emulator.h"
+
+#include <algorithm>
+
+#include "boards/loopback.h"
+#include "boards/pattern.h"
+
+namespace ferrobench::emulator {
+
+std::span<const std::pair<BoardKind, std::string_view>> enum_names(BoardKind) {
+  static constexpr std::array<std::pair<BoardKind, std::string_view>, 3> names{
+      {{BoardKind::loopback, "loopback"}, {BoardKind::pattern, "pattern"}, {BoardKind::bench, "bench"}}};
+  return names;
+}
+
+std::span<const std::pair<TriggerSource, std::string_view>> enum_names(TriggerSource) {
+  static constexpr std::array<std::pair<TriggerSource, std::string_view>, 3> names{
+      {{TriggerSource::pin, "pin"}, {TriggerSource::dio0, "dio0"}, {TriggerSource::timer, "timer"}}};
+  return names;
+}
+
+std::span<const std::pair<ClockSource, std::string_view>> enum_names(ClockSource) {
+  static constexpr std::array<std::pair<ClockSource, std::string_view>, 4> names{
+      {{ClockSource::none, "none"},
+       {ClockSource::input_clock_out, "input_clock_out"},
+       {ClockSource::output_clock_out, "output_clock_out"},
+       {ClockSource::timer, "timer"}}};
+  return names;
+}
+
+std::span<const std::pair<FaultKind, std::string_view>> enum_names(FaultKind) {
+  static const auto names = [] {
+    std::array<std::pair<FaultKind, std::string_view>, fault_kinds> out;
+    for (std::size_t i = 0; i < out.size(); ++i)
+      out.at(i) = {static_cast<FaultKind>(i), fault_name(static_cast<FaultKind>(i))};
+    return out;
+  }();
+  return names;
+}
+
+EmulatorConfig emulator_config_from_json(const nlohmann::json& json) {
+  auto config = parse<EmulatorConfig>(json.is_null() ? nlohmann::json::object() : json,
+                                      ErrorCode::invalid_params, "the emulator's configuration");
+  if (config.serial.size() != 8)
+    throw Error(ErrorCode::invalid_params, "the emulator's configuration",
+                Problem{.path = "/serial",
+                        .message = "has not 8 characters",
+                        .given = config.serial,
+                        .allowed = "8 characters",
+                        .hint = "for example 01A2B3C4"});
+  return config;
+}
+
+namespace {
+
+std::unique_ptr<Board> board_of(const EmulatorConfig& config) {
+  switch (config.board) {
+    case BoardKind::pattern:
+      return std::make_unique<PatternBoard>();
+    case BoardKind::bench:
+      return std::make_unique<VirtualBench>(config.bench);
+    default:
+      break;
+  }
+  auto board = std::make_unique<LoopbackBoard>();
+  for (unsigned i = 0; i < board->jumpers.size(); ++i) board->jumpers.at(i).output = i % 2;
+  return board;
+}
+
+UnitSetup setup_of(const EmulatorConfig& config) {
+  UnitSetup setup;
+  setup.product = static_cast<std::uint16_t>(config.product);
+  setup.serial = config.serial;
+  setup.fpga_loaded = config.fpga_loaded;
+  if (config.perfect) {
+    setup.calibration.input.fill({});
+    setup.calibration.output.fill({});
+  }
+  setup.wiring.trigger = config.trigger;
+  setup.wiring.input_clock = config.input_clock;
+  setup.wiring.output_clock = config.output_clock;
+  return setup;
+}
+
+}  // namespace
+
+Emulator::Emulator(const EmulatorConfig& config)
+    : config_(config), board_(board_of(config)), unit_(setup_of(config), *board_) {
+  if (config.fault)
+    unit_.arm(draw_fault(*config.fault, static_cast<std::uint64_t>(config.fault_seed),
+                         static_cast<std::uint64_t>(config.fault_scans)));
+}
+
+bool Emulator::starved() const {
+  return (unit_.input_on() && port_.in_under_way() == 0) || (unit_.output_on() && port_.out_under_way() == 0);
+}
+
+void Emulator::keep_up() {
+  const auto now = Clock::now();
+  double passed = std::chrono::duration<double>(now - last_).count();
+  last_ = now;
+  // Millisecond by millisecond: a transfer that ends in between may leave the host without any.
+  for (; passed > 0; passed -= 1e-3) {
+    const double step = std::min(passed, 1e-3);
+    if (!starved()) {
+      waited_ = 0;
+    } else if (waited_ < config_.patience) {
+      waited_ += step;
+      continue;
+    }
+    port_.advance(port_.now() + static_cast<Ticks>(step * static_cast<double>(ticks_per_second)));
+  }
+}
+
+}  // namespace ferrobench::emulator

@@ -1,0 +1,84 @@
+// A configured unit with its board, for the programs that offer it to others; and the clock that drives it.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "boards/virtual_bench.h"
+#include "host/port.h"
+
+namespace ferrobench::emulator {
+
+enum class BoardKind { loopback, pattern, bench };
+std::span<const std::pair<BoardKind, std::string_view>> enum_names(BoardKind);
+std::span<const std::pair<TriggerSource, std::string_view>> enum_names(TriggerSource);
+std::span<const std::pair<ClockSource, std::string_view>> enum_names(ClockSource);
+std::span<const std::pair<FaultKind, std::string_view>> enum_names(FaultKind);
+
+// One JSON file for the programs. The default: outputs looped back to the even and odd inputs, DIO0 jumpered
+// to TRIG, FPGA empty.
+struct EmulatorConfig {
+  BoardKind board = BoardKind::loopback;
+  BenchConfig bench;
+  std::int64_t product = 0x0136;
+  std::string serial = "01A2B3C4";
+  bool fpga_loaded = false;
+  bool perfect = false;  // converters without errors
+  TriggerSource trigger = TriggerSource::dio0;
+  ClockSource input_clock = ClockSource::output_clock_out, output_clock = ClockSource::none;
+  std::optional<FaultKind> fault;
+  std::int64_t fault_seed = 1, fault_scans = 10'000;
+  double patience = 0.1;  // s
+};
+
+template <class Visitor>
+void describe(Visitor& visit, EmulatorConfig& c) {
+  visit("board", c.board,
+        {.doc = "loopback: outputs to inputs; pattern: a known pattern; bench: a virtual bench"});
+  visit("bench", c.bench, {.doc = "the virtual bench"});
+  visit("product", c.product, {.min = 0x0110, .max = 0x0136, .doc = "USB product id"});
+  visit("serial", c.serial, {.doc = "8 characters"});
+  visit("fpga_loaded", c.fpga_loaded, {.doc = "as if a host had been here since power-up"});
+  visit("perfect", c.perfect, {.doc = "converters without errors of gain and offset"});
+  visit("trigger", c.trigger, {.doc = "what the TRIG terminal is jumpered to"});
+  visit("input_clock", c.input_clock, {.doc = "what the AI clock input is jumpered to"});
+  visit("output_clock", c.output_clock, {.doc = "what the AO clock input is jumpered to"});
+  visit("fault", c.fault, {.doc = "a fault that the unit has once"});
+  visit("fault_seed", c.fault_seed, {.min = 0, .doc = "of the moment of the fault"});
+  visit("fault_scans", c.fault_scans, {.min = 1, .doc = "the moment is within so many scans"});
+  visit("patience", c.patience,
+        {.unit = "s",
+         .min = 0,
+         .max = 10,
+         .doc = "how long the unit's time may stand still for a host that has no transfer ready in a scan: a "
+                "loaded machine is not a broken driver"});
+}
+
+// Throws Error(invalid_params).
+EmulatorConfig emulator_config_from_json(const nlohmann::json& json);
+
+class Emulator {
+ public:
+  // Throws Error(invalid_params | not_found | bad_model).
+  explicit Emulator(const EmulatorConfig& config);
+
+  Port& port() { return port_; }
+  Unit& unit() { return unit_; }
+  // The unit's time catches up with the clock.
+  void keep_up();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool starved() const;
+
+  EmulatorConfig config_;
+  std::unique_ptr<Board> board_;
+  Unit unit_;
+  Port port_{unit_};
+  Clock::time_point last_ = Clock::now();
+  double waited_ = 0;  // s, for the host
+};
+
+}  // namespace ferrobench::emulator
