@@ -1,5 +1,6 @@
 #include "daq/registry.h"
 
+#include "daq/replay/replay_device.h"
 #include "daq/virtual/virtual_device.h"
 
 namespace ferrobench::daq {
@@ -10,6 +11,10 @@ std::span<const DeviceKind> device_kinds() {
                  .description = "a specimen, amplifier and sensors computed by a model",
                  .schema = [] { return json_schema<VirtualConfig>(); },
                  .open = VirtualDevice::open},
+      DeviceKind{.name = "replay",
+                 .description = "a recording played again, as it was measured",
+                 .schema = [] { return json_schema<ReplayConfig>(); },
+                 .open = ReplayDevice::open},
   };
   return kinds;
 }
