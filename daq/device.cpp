@@ -8,4 +8,19 @@ std::string_view block_status_name(BlockStatus status) {
   return names.at(static_cast<std::size_t>(status));
 }
 
+void SampleBlock::drop_rows() {
+  rows = 0;
+  counts.clear();
+  time.clear();
+  for (auto& signal : signals) signal.clear();
+}
+
+void SampleBlock::clear() {
+  drop_rows();
+  status = BlockStatus::ok;
+  message.clear();
+  command.clear();
+  events.clear();
+}
+
 }  // namespace ferrobench::daq

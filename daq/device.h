@@ -42,11 +42,19 @@ struct SampleBlock {
   std::uint64_t first_sample = 0;
   std::size_t rows = 0;
   std::vector<std::int16_t> counts;
+  // What is known in SI beside the counts, or better than by them; empty: nothing. A channel that is here
+  // wins over its counts, the command over the guard's, and `time` [s] over the row's number by the rate. NaN
+  // is a gap.
+  std::vector<double> time;
+  std::array<std::vector<double>, 5> signals;  // by Channel
   BlockStatus status = BlockStatus::ok;
   std::string message;
-  // Filled by the guard: the field asked for in each row [V/m], and what the record should say.
-  std::vector<double> command;
-  std::vector<recordings::Event> events;
+  std::vector<double> command;            // filled by the guard: the field asked for in each row [V/m]
+  std::vector<recordings::Event> events;  // what the record should say; the guard adds to it
+
+  // Both keep the storage.
+  void clear();
+  void drop_rows();
 };
 
 // The output goes linearly to `level` [V/m], where it is `samples` rows later.
@@ -70,6 +78,8 @@ struct OutputRange {
   double max = 0;
 };
 
+class Tape;
+
 class Device {
  public:
   virtual ~Device() = default;
@@ -78,6 +88,10 @@ class Device {
   virtual nlohmann::json info() const = 0;
   // Raw columns in the order of a row, with the scaling to SI.
   virtual std::vector<recordings::RawColumn> columns() const = 0;
+  // Channels whose values come in SI only.
+  virtual std::vector<recordings::Channel> signals() const { return {}; }
+  // The recording that the device plays (replay/tape.h); null for one that measures.
+  virtual const Tape* tape() const { return nullptr; }
   // Known noise per channel in SI (standard deviation), where there is any.
   virtual std::array<std::optional<double>, 5> noise() const { return {}; }
   // The model behind the device, or null.

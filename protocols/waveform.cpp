@@ -12,7 +12,18 @@ namespace {
 
 constexpr double two_pi = 2 * std::numbers::pi;
 
+double sample_at(std::span<const double> levels, double fraction) {
+  const double at = fraction * static_cast<double>(levels.size() - 1);
+  const double whole = std::round(at);
+  // On the grid the samples come back as they are, whatever the rounding.
+  if (std::abs(at - whole) <= 1e-15 * static_cast<double>(levels.size()) + 1e-9)
+    return levels[static_cast<std::size_t>(whole)];
+  const auto below = static_cast<std::size_t>(at);
+  return levels[below] + (levels[below + 1] - levels[below]) * (at - static_cast<double>(below));
+}
+
 double value_at(const Piece& piece, double fraction) {
+  if (piece.kind == PieceKind::samples) return sample_at(*piece.levels, fraction);
   if (piece.kind != PieceKind::sine) return piece.from + (piece.to - piece.from) * fraction;
   if (fraction == 0) return piece.from;
   return piece.center +
@@ -27,6 +38,10 @@ bool passes(double from, double to, double first, double period) {
 std::pair<double, double> extremes(const Piece& piece) {
   double low = std::min(piece.from, piece.to);
   double high = std::max(piece.from, piece.to);
+  if (piece.kind == PieceKind::samples) {
+    const auto [lowest, highest] = std::minmax_element(piece.levels->begin(), piece.levels->end());
+    return {*lowest, *highest};
+  }
   if (piece.kind == PieceKind::sine) {
     const double end = piece.phase + two_pi * piece.frequency * piece.duration;
     const double size = std::abs(piece.amplitude);
@@ -46,6 +61,12 @@ double Piece::value(double time_from_start_of_program) const {
 }
 
 double Piece::max_slew() const {
+  if (kind == PieceKind::samples) {
+    double step = 0;
+    for (std::size_t i = 1; i < levels->size(); ++i)
+      step = std::max(step, std::abs((*levels)[i] - (*levels)[i - 1]));
+    return step * static_cast<double>(levels->size() - 1) / duration;
+  }
   if (kind != PieceKind::sine) return std::abs(to - from) / duration;
   const double end = phase + two_pi * frequency * duration;
   const double steepest = passes(phase, end, 0, std::numbers::pi)
@@ -63,6 +84,11 @@ Waveform::Waveform(std::vector<Piece> pieces, std::vector<Segment> segments)
     if (!(piece.duration > 0) || !std::isfinite(piece.duration) || !std::isfinite(piece.from) ||
         !std::isfinite(piece.to))
       throw std::invalid_argument("a piece needs a positive duration and finite levels");
+    const bool sampled = piece.kind == PieceKind::samples;
+    if (sampled && (!piece.levels || piece.levels->size() < 2 ||
+                    !std::ranges::all_of(*piece.levels, [](double v) { return std::isfinite(v); }) ||
+                    piece.from != piece.levels->front() || piece.to != piece.levels->back()))
+      throw std::invalid_argument("a piece of samples needs two or more finite levels");
     if (!(std::abs(piece.start - end) <= 1e-9 * std::max(1.0, end)))
       throw std::invalid_argument("pieces must follow each other without a gap, from time 0");
     end = piece.start + piece.duration;
@@ -139,6 +165,13 @@ void SampledWaveform::fill(std::uint64_t first, std::span<double> out) const {
     const auto samples = static_cast<double>(corners_[index + 1] - begin);
     const auto count = std::min<std::uint64_t>(out.size() - written, corners_[index + 1] - (first + written));
     const auto offset = first + written - begin;
+    const auto& levels = pieces[index].levels;
+    if (levels && levels->size() == corners_[index + 1] - begin + 1) {
+      std::copy_n(levels->begin() + static_cast<std::ptrdiff_t>(offset), count,
+                  out.begin() + static_cast<std::ptrdiff_t>(written));
+      written += count;
+      continue;
+    }
     for (std::uint64_t i = 0; i < count; ++i)
       out[written + i] = value_at(pieces[index], static_cast<double>(offset + i) / samples);
     written += count;

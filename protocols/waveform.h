@@ -1,22 +1,24 @@
 // The field program as a function of time, and its samples.
 //
-// A waveform is a list of pieces that follow each other without a gap: ramps and holds (linear in time) and
-// sines. Every value is an electric field in V/m, along the poling direction; times are in s from the start
-// of the program.
+// A waveform is a list of pieces that follow each other without a gap: ramps and holds (linear in time),
+// sines and recorded samples (linear in between). Every value is an electric field in V/m, along the poling
+// direction; times are in s from the start of the program.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 namespace ferrobench::protocols {
 
-enum class PieceKind { ramp, hold, sine };
+enum class PieceKind { ramp, hold, sine, samples };
 
 // ramp: from -> to, linear. hold: from == to. sine: center + amplitude sin(2 pi frequency (t - start) +
-// phase), with from and to its values at both ends.
+// phase), with from and to its values at both ends. samples: `levels` at equal steps, from and to being the
+// first and the last of them.
 struct Piece {
   PieceKind kind = PieceKind::hold;
   double start = 0;     // s
@@ -24,6 +26,7 @@ struct Piece {
   double from = 0;      // V/m
   double to = 0;        // V/m
   double center = 0, amplitude = 0, frequency = 0, phase = 0;
+  std::shared_ptr<const std::vector<double>> levels{};  // V/m, two or more
 
   double value(double time_from_start_of_program) const;
   double max_slew() const;  // V/m/s, largest |dE/dt|

@@ -19,6 +19,10 @@ struct Extremes {
 };
 
 Extremes extremes(const Piece& piece) {
+  if (piece.kind == PieceKind::samples) {
+    const auto [low, high] = std::ranges::minmax(*piece.levels);
+    return {.low = low, .high = high};
+  }
   Extremes out{.low = std::min(piece.from, piece.to), .high = std::max(piece.from, piece.to)};
   if (piece.kind != PieceKind::sine) return out;
   // A crest counts if the phase, in turns from the first crest, passes a whole number.
@@ -47,7 +51,7 @@ class Checker {
       field(i, extremes(pieces[i]));
       if (i > 0) jump(i, std::abs(pieces[i].from - pieces[i - 1].to));
       slew(i, pieces[i].max_slew() * pieces[i].duration / duration);
-      reverse(i, reverse_.add(time_below(pieces[i], duration, limits_.reverse_field_threshold)));
+      reverse(i, reversed(pieces[i], duration));
     }
     return std::move(out_);
   }
@@ -83,6 +87,17 @@ class Checker {
     if (!(given <= limits_.slew * (1 + 1e-9)))
       report(i, "rate", "the field changes too fast", given, limits_.slew, "V/m/s",
              "lower the rate or the frequency, or sample fast enough to resolve the segment");
+  }
+
+  double reversed(const Piece& piece, double duration) {
+    const double threshold = limits_.reverse_field_threshold;
+    if (piece.kind != PieceKind::samples) return reverse_.add(time_below(piece, duration, threshold));
+    const auto& levels = *piece.levels;
+    const double step = duration / static_cast<double>(levels.size() - 1);
+    double longest = 0;
+    for (std::size_t i = 1; i < levels.size(); ++i)
+      longest = std::max(longest, reverse_.add(linear_time_below(levels[i - 1], levels[i], step, threshold)));
+    return longest;
   }
 
   // One excursion is one problem, at the segment where it passes the limit.

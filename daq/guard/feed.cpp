@@ -63,7 +63,8 @@ LinearPiece Feed::program_piece(std::uint64_t max_samples) {
     return {.samples = max_samples, .level = limiter_.level(), .waiting = true};
   }
 
-  const std::uint64_t count = piece.kind == PieceKind::sine ? 1 : std::min(max_samples, length - offset_);
+  const bool bent = piece.kind == PieceKind::sine || piece.kind == PieceKind::samples;
+  const std::uint64_t count = bent ? 1 : std::min(max_samples, length - offset_);
   offset_ += count;
   const double level = program_.value(begin + offset_);
   if (offset_ == length) {

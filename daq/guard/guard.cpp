@@ -133,12 +133,7 @@ LinearPiece Guard::next(std::uint64_t max_samples) {
 }
 
 bool Guard::read(SampleBlock& block) {
-  block.rows = 0;
-  block.counts.clear();
-  block.command.clear();
-  block.events.clear();
-  block.status = BlockStatus::ok;
-  block.message.clear();
+  block.clear();
   {
     const std::scoped_lock lock(mutex_);
     if (!feed_ || outcome_.end != End::none) return false;
@@ -150,8 +145,7 @@ bool Guard::read(SampleBlock& block) {
       feed_->stop(End::interlock, "the device's interlock line opened");
     }
     if (!device_.read(block)) {
-      block.rows = 0;
-      block.counts.clear();
+      block.drop_rows();
       std::unique_lock lock(mutex_);
       const bool whole = feed_->over() && rows_read_ == feed_->issued();
       const End end = !whole ? End::fault : feed_->stopping() ? feed_->end() : End::complete;
@@ -163,8 +157,7 @@ bool Guard::read(SampleBlock& block) {
     account(block);
     if (!fault.empty()) return finish(End::fault, fault, block);
   } catch (...) {
-    block.rows = 0;
-    block.counts.clear();
+    block.drop_rows();
     return finish(End::fault, current_failure(), block);
   }
   return true;
@@ -173,12 +166,13 @@ bool Guard::read(SampleBlock& block) {
 // What makes it impossible to go on, or nothing. Rows that have no place in the recording are dropped.
 std::string Guard::fault_in(SampleBlock& block) {
   const std::scoped_lock lock(mutex_);
-  const bool torn = block.counts.size() != block.rows * columns_;
+  const auto fits = [&block](const std::vector<double>& v) { return v.empty() || v.size() == block.rows; };
+  const bool torn = block.counts.size() != block.rows * columns_ || !fits(block.time) ||
+                    !std::ranges::all_of(block.signals, fits);
   const bool stray = block.rows > 0 &&
                      (block.first_sample < rows_read_ || block.first_sample + block.rows > feed_->issued());
   if (torn || stray) {
-    block.rows = 0;
-    block.counts.clear();
+    block.drop_rows();
     return torn ? "the device returned a torn block"
                 : "the device returned samples that were never asked for";
   }

@@ -14,7 +14,8 @@ struct TimeBelow {
 };
 
 TimeBelow linear_time_below(double from, double to, double duration, double threshold);
-// `duration` is the one it is played in; the piece's own may differ by the grid of samples.
+// Of a line or a sine. `duration` is the one it is played in; the piece's own may differ by the grid of
+// samples.
 TimeBelow time_below(const protocols::Piece& piece, double duration, double threshold);
 
 // Adds pieces up to excursions that span them.

@@ -82,6 +82,7 @@ nlohmann::json VirtualDevice::info() const {
       {"seed", config_.seed},
       {"clock", write_json(config_.clock)},
       {"tolerance", config_.tolerance},
+      {"domains", config_.domains},
       {"output_range", {{"min", -config_.field_range}, {"max", config_.field_range}, {"unit", "V/m"}}},
       {"aggregate_rate", {{"min", min_aggregate_rate}, {"max", max_aggregate_rate}, {"unit", "S/s"}}},
       {"resolution_bits", 16},

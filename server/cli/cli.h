@@ -24,6 +24,9 @@ struct Common {
 
 void add_serve(CLI::App& app, Common& common);
 void add_run(CLI::App& app, Common& common);
+void add_replay(CLI::App& app, Common& common);
+void add_rerun(CLI::App& app, Common& common);
+void add_compare(CLI::App& app, Common& common);
 void add_list(CLI::App& app, Common& common);
 void add_report(CLI::App& app, Common& common);
 void add_table(CLI::App& app, Common& common);
@@ -51,6 +54,18 @@ nlohmann::json set_argument(const std::vector<std::string>& settings);
 std::string recording_argument(const std::string& given, const Common& common);
 // To the file, or to stdout if "".
 void write_output(const std::string& file, const std::string& text);
+
+// Error(io_error) if the file is there and not to be replaced; removed if it is.
+void demand_free(const std::string& file, bool replace);
+
+// Follows a run, with progress on stderr, until it is over; an interrupt asks for a safe stop. `status` and
+// `abort` are told the run's id. Returns the last status, with "interrupted".
+nlohmann::json follow(nlohmann::json started,
+                      const std::function<nlohmann::json(const std::string& id)>& status,
+                      const std::function<void(const std::string& id, const std::string& reason)>& abort,
+                      bool quiet);
+// Says on stderr what went wrong, if anything did; the exit code.
+int tell_end(const nlohmann::json& status);
 
 // While it lives, Ctrl-C (and SIGTERM) only raises a flag.
 class Interrupt {

@@ -33,6 +33,9 @@ void build(CLI::App& app, Common& common) {
   app.get_formatter()->column_width(34);
   add_serve(app, common);
   add_run(app, common);
+  add_replay(app, common);
+  add_rerun(app, common);
+  add_compare(app, common);
   add_list(app, common);
   add_report(app, common);
   add_table(app, common);

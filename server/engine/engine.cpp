@@ -4,6 +4,7 @@
 #include <boost/uuid/uuid_io.hpp>
 
 #include "daq/registry.h"
+#include "daq/replay/tape.h"
 #include "recordings/iso_time.h"
 #include "server/engine/live.h"
 
@@ -82,22 +83,8 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
     throw Error(ErrorCode::busy, "a run is under way",
                 Problem{.given = run_->id(), .hint = "wait for its end, or run.abort it"});
 
-  RunSetup setup;
-  setup.id = to_string(boost::uuids::random_generator()());
-  setup.device_name = request.device;
-  setup.limits = limits_;
-  setup.notes = request.notes;
-  const auto open = devices_.find(request.device);
-  if (open != devices_.end()) {
-    setup.device = open->second;
-    setup.plan = make_plan(request, store_, setup.device.get());
-  } else {
-    setup.plan = make_plan(request, store_);
-    setup.device = daq::open_device(request.device, setup.plan.device_config);
-  }
-  const auto info = setup.device->info();
-  setup.real_time = info.value("clock", "real") != "fast";
-  setup.path = path.empty() ? store_.new_recording(setup.plan.protocol.name()).string() : path;
+  auto setup = make_setup(request);
+  setup.path = path.empty() ? store_.new_recording(setup.plan.name).string() : path;
   // The run before lets go of its device first.
   if (run_) past_.push_front(run_->status());
   if (past_.size() > most_runs) past_.pop_back();
@@ -108,6 +95,35 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
     idempotent_[request.idempotency_key] = {asked, run_->id()};
   }
   return run_->status();
+}
+
+// `mutex_` is held.
+RunSetup Engine::make_setup(const RunRequest& request) const {
+  RunSetup setup;
+  setup.id = to_string(boost::uuids::random_generator()());
+  setup.device_name = request.device;
+  setup.limits = limits_;
+  setup.notes = request.notes;
+  setup.rerun_of = request.rerun_of;
+  const auto name = replayed(request.device);
+  if (const auto open = devices_.find(request.device); open != devices_.end()) {
+    setup.device = open->second;
+    const auto* tape = setup.device->tape();
+    setup.plan =
+        tape != nullptr ? make_replay_plan(request, *tape) : make_plan(request, store_, setup.device.get());
+  } else if (name || request.device == "replay") {
+    const auto file =
+        request.replay_file.empty() ? store_.recording(name.value_or("")).string() : request.replay_file;
+    setup.plan = make_replay_plan(request, file);
+    setup.device = daq::open_device("replay", setup.plan.device_config);
+    complete_replay_plan(setup.plan, *setup.device->tape());
+  } else {
+    setup.plan = make_plan(request, store_);
+    setup.device = daq::open_device(request.device, setup.plan.device_config);
+  }
+  // A replay can wait for the disk, whatever its clock.
+  setup.real_time = setup.device->tape() == nullptr && setup.device->info().value("clock", "real") != "fast";
+  return setup;
 }
 
 std::vector<RunStatus> Engine::runs() const {
@@ -191,6 +207,9 @@ std::string Engine::open_device(const std::string& kind, const nlohmann::json& c
   auto full = config.is_null() ? nlohmann::json::object() : config;
   if (kind == "virtual" && full.is_object())
     full["model"] = resolve_model(full.value("model", nlohmann::json()), store_);
+  // Recordings of the bench by their names: no client reads a file by its path.
+  if (kind == "replay" && full.is_object() && full.contains("file") && full["file"].is_string())
+    full["file"] = store_.recording(full["file"].get<std::string>()).string();
   auto device = daq::open_device(kind, full);
   const std::scoped_lock lock(mutex_);
   if (devices_.size() >= most_open)

@@ -56,6 +56,7 @@ class Engine {
   double uptime() const;  // s
 
  private:
+  RunSetup make_setup(const RunRequest& request) const;
   std::shared_ptr<Run> current(const std::string& run) const;
   std::shared_ptr<daq::Device> find_device(const std::string& id) const;
   void demand_rest(const std::string& what) const;

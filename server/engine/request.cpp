@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "daq/replay/tape.h"
 #include "model/model.h"
 #include "protocols/common/units.h"
 
@@ -128,7 +129,75 @@ json resolve_model(const json& given, const Store& store) {
   return model::to_json(model::model_from_json(given));
 }
 
+std::optional<std::string> replayed(const std::string& device) {
+  constexpr std::string_view prefix = "replay:";
+  if (!device.starts_with(prefix)) return std::nullopt;
+  return device.substr(prefix.size());
+}
+
+namespace {
+
+void demand_own_program(const RunRequest& request) {
+  if (request.protocol.is_null() && request.model.is_null()) return;
+  throw Error(ErrorCode::invalid_params, "a replay has a program and a model of its own",
+              Problem{.path = request.protocol.is_null() ? "/model" : "/protocol",
+                      .message = "cannot be chosen for a replay",
+                      .hint = "leave it out; 'ferrobench replay --model' plays the recorded field through a "
+                              "model, beside the measurement"});
+}
+
+}  // namespace
+
+RunPlan make_replay_plan(const RunRequest& request, const std::string& file) {
+  demand_own_program(request);
+  if (!request.set.is_object())
+    throw Error(ErrorCode::invalid_params, "settings are values by key",
+                Problem{.path = "/set", .message = "is not an object", .given = request.set});
+  RunPlan plan;
+  plan.device_config = json::object();
+  for (const auto& [key, value] : request.set.items()) {
+    const std::string_view path(key);
+    if (!path.starts_with("device.") || path == "device.file" ||
+        !set_path(plan.device_config, path.substr(7), value, true))
+      throw Error(ErrorCode::invalid_params, "a setting is not known",
+                  Problem{.path = "/set/" + excerpt(key),
+                          .message = "is not a setting of a replay",
+                          .given = value,
+                          .allowed = "device.<path>",
+                          .hint = "for example device.displacement.gain=1.02"});
+  }
+  plan.device_config["file"] = file;
+  if (request.fast) plan.device_config["clock"] = "fast";
+  return plan;
+}
+
+RunPlan make_replay_plan(const RunRequest& request, const daq::Tape& tape) {
+  demand_own_program(request);
+  if (request.fast || !request.set.empty())
+    throw Error(ErrorCode::invalid_params, "the device is open already and keeps its clock and calibration",
+                Problem{.path = request.fast ? "/fast" : "/set",
+                        .message = "cannot be chosen for an open device",
+                        .hint = "name the recording instead: \"replay:NAME\""});
+  RunPlan plan;
+  complete_replay_plan(plan, tape);
+  return plan;
+}
+
+void complete_replay_plan(RunPlan& plan, const daq::Tape& tape) {
+  const auto& header = tape.recording().header;
+  const auto& protocol = header.protocol;
+  plan.name = protocol.is_object() && protocol.contains("name") && protocol["name"].is_string()
+                  ? protocol["name"].get<std::string>()
+                  : "replay";
+  plan.title = header.title;
+  plan.sample_rate = tape.rate();
+}
+
 RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Device* open) {
+  if (request.protocol.is_null())
+    throw Error(
+        ErrorCode::invalid_params, "there is no program to run",
+        Problem{.path = "/protocol", .message = "is missing", .hint = "protocol.list names those that ship"});
   RunPlan plan{.protocol = resolve_protocol(request.protocol)};
   const bool fresh = open == nullptr;
   if (!fresh && (!request.model.is_null() || request.fast))
@@ -181,6 +250,8 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
   if (plan.protocol.json().value("unit", "") == "V" && plan.model.is_null())
     options.layer_thickness = layer_thickness_of(device, open).value_or(0);
   plan.protocol = plan.protocol.with(options);
+  plan.name = plan.protocol.name();
+  plan.title = plan.protocol.title();
   plan.sample_rate = settings.sample_rate.value_or(plan.protocol.sample_rate().value_or(usual_sample_rate));
   return plan;
 }

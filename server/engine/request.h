@@ -22,26 +22,40 @@ struct RunRequest {
   std::int64_t seed = 1;
   nlohmann::json set = nlohmann::json::object();
   std::string notes{};
+  std::string rerun_of{};
   std::string idempotency_key{};
+  // The file of a replay; "": the store's recording that the device names. For the command line alone: no
+  // method takes a path.
+  std::string replay_file{};
 };
 template <class Visitor>
 void describe(Visitor& visit, RunRequest& r) {
+<<<<<<< HEAD
   visit("protocol", r.protocol, {.required = true, .doc = "name of a shipped protocol, or a protocol"});
   visit("device", r.device, {.doc = "a kind of device (opened for this run alone), or one opened before"});
   visit("config", r.config, {.doc = "of a device that is opened for this run, as device.list describes it"});
+=======
+  visit("protocol", r.protocol,
+        {.doc = "name of a shipped protocol, or a protocol; none for a replay, which has its own"});
+  visit("device", r.device,
+        {.doc = "a kind of device (opened for this run alone), one opened before, or \"replay:NAME\" of a "
+                "recording"});
+>>>>>>> 77797791bd0c96e34019837acb04552800a30903
   visit("model", r.model, {.doc = "name of a model, or a model; for the virtual device"});
-  visit("fast", r.fast, {.doc = "virtual device: as fast as it can be computed, not in real time"});
+  visit("fast", r.fast, {.doc = "virtual device and replay: as fast as it can go, not in real time"});
   visit("seed", r.seed, {.min = 0, .doc = "virtual device: of the noise; same seed, same bytes"});
   visit("set", r.set,
         {.doc = "values by key: parameters of the protocol, prestress_Pa, prestress_MPa, "
                 "spring_stiffness_N_per_m, sample_rate_Hz, model.<path>, device.<path>"});
   visit("notes", r.notes, {.doc = "kept in the recording"});
+  visit("rerun_of", r.rerun_of, {.doc = "identifier of the recording that this run repeats; kept in it"});
   visit("idempotency_key", r.idempotency_key,
         {.doc = "a second start with the same key returns the first one's run"});
 }
 
 struct RunPlan {
-  protocols::Protocol protocol{};  // as executed
+  protocols::Protocol protocol{};  // as executed; none for a replay
+  std::string name{}, title{};
   double sample_rate = 0;          // Hz, asked for
   nlohmann::json device_config{};  // for daq::open_device; null if the device is open already
   nlohmann::json model{};          // with the load in force; null if the device has none
@@ -52,6 +66,16 @@ struct RunPlan {
 // Throws Error(invalid_params) with what is allowed for a key that is not, and what reading the protocol and
 // model throws.
 RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Device* open = nullptr);
+
+// The name in "replay:NAME"; none for another device.
+std::optional<std::string> replayed(const std::string& device);
+// The plan of a replay, whose device is opened by it: `file` is the recording, and `set` has the device's
+// configuration by "device.<path>". Throws Error(invalid_params).
+RunPlan make_replay_plan(const RunRequest& request, const std::string& file);
+// What its recording says of it: name, title, sample rate.
+void complete_replay_plan(RunPlan& plan, const daq::Tape& tape);
+// The plan of a run of a replay that is open.
+RunPlan make_replay_plan(const RunRequest& request, const daq::Tape& tape);
 
 // A protocol by name or as JSON; a model by name or as JSON (null: the default one), with everything filled
 // in.

@@ -7,6 +7,7 @@
 #include <semaphore>
 
 #include "daq/guard/check.h"
+#include "daq/replay/tape.h"
 #include "model/model.h"
 #include "recordings/iso_time.h"
 #include "server/engine/sink.h"
@@ -18,6 +19,7 @@ namespace {
 constexpr std::size_t queue_blocks = 256;  // of 0.1 s each in real time
 constexpr std::chrono::milliseconds status_interval{200};
 
+<<<<<<< HEAD
 recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
   recordings::Header header{.title = setup.plan.protocol.title(),
                             .start_time = recordings::iso_now(),
@@ -36,11 +38,42 @@ recordings::Header header_of(const RunSetup& setup, const daq::Device& device, d
     header.load = device.load();
     return header;
   }
+=======
+recordings::Header measured_header(const RunSetup& setup, const daq::Device& device) {
+  recordings::Header header;
+  header.title = setup.plan.protocol.title();
+  header.protocol = setup.plan.protocol.json();
+  header.model = device.model();
+  if (header.model.is_null()) return header;
+>>>>>>> 77797791bd0c96e34019837acb04552800a30903
   const auto model = model::model_from_json(header.model);
   const auto& a = model.actuator;
   header.specimen = {model.name, a.length, a.area, a.layer_thickness, a.layer_count};
   header.load = {model.load.spring_stiffness, model.load.prestress};
   return header;
+}
+
+recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
+  const auto* tape = device.tape();
+  auto header = tape != nullptr ? tape->header() : measured_header(setup, device);
+  header.start_time = recordings::iso_now();
+  header.entry_identifier = to_string(boost::uuids::random_generator()());
+  header.device = device.info();
+  header.device["sample_rate_asked"] = setup.plan.sample_rate;
+  header.device["sample_rate"] = rate;
+  if (!setup.rerun_of.empty()) header.device["rerun_of"] = setup.rerun_of;
+  if (header.device.contains("seed")) header.run_seed = header.device["seed"].get<std::int64_t>();
+  return header;
+}
+
+protocols::SampledWaveform program_of(const RunSetup& setup) {
+  if (const auto* tape = setup.device->tape()) return tape->program();
+  return {setup.plan.protocol.expand(), setup.device->scan_rate(setup.plan.sample_rate)};
+}
+
+daq::Limits limits_of(const RunSetup& setup) {
+  const auto* tape = setup.device->tape();
+  return tape != nullptr ? tape->limits(setup.limits) : setup.limits;
 }
 
 }  // namespace
@@ -98,8 +131,8 @@ Run::Run(RunSetup setup, Hub& hub)
     : setup_(std::move(setup)),
       hub_(hub),
       pipe_(std::make_unique<Pipe>(!setup_.real_time)),
-      guard_(std::make_unique<daq::Guard>(*setup_.device, setup_.limits, setup_.interlock)),
-      program_(setup_.plan.protocol.expand(), setup_.device->scan_rate(setup_.plan.sample_rate)),
+      guard_(std::make_unique<daq::Guard>(*setup_.device, limits_of(setup_), setup_.interlock)),
+      program_(program_of(setup_)),
       begin_(std::chrono::steady_clock::now()) {
   if (auto found = daq::check(program_, guard_->limits()); !found.empty())
     throw Error(ErrorCode::limit_exceeded, "the program would pass a limit", std::move(found));
@@ -107,8 +140,9 @@ Run::Run(RunSetup setup, Hub& hub)
     throw Error(ErrorCode::limit_exceeded, "the device cannot play the program", std::move(found));
   const auto header = header_of(setup_, *setup_.device, program_.rate());
   started_ = header.start_time;
-  sink_ =
-      std::make_unique<Sink>(setup_.path, header, setup_.device->columns(), program_.rate(), hub_, setup_.id);
+  sink_ = std::make_unique<Sink>(
+      setup_.path, header, daq::Scaling(setup_.device->columns(), setup_.device->signals(), program_.rate()),
+      hub_, setup_.id);
   if (!setup_.notes.empty()) sink_->add_event({0, "note", setup_.notes});
   if (program_.distortion() > 0.5 / program_.rate())
     sink_->add_event({0, "stretched",
@@ -179,13 +213,20 @@ void Run::write() {
   }
   const auto outcome = guard_->outcome();
   std::string reason = reason_.empty() ? outcome.reason : reason_;
-  const auto segments = guard_->segments();
+  daq::Tape::Closing closing{.status = {}, .reason = reason, .segments = guard_->segments()};
   bool at_zero = outcome.output_at_zero;
   if (outcome.end == daq::End::none) at_zero = setup_.device->output() == 0;
   const bool complete = outcome.end == daq::End::complete && reason.empty();
-  if (!sink_->failure().empty()) reason = sink_->failure();
+  closing.status = complete ? "complete" : "aborted";
+  // A replay played whole is a complete run, of a recording that may be anything.
+  if (const auto* tape = setup_.device->tape(); tape != nullptr && reason_.empty())
+    closing = tape->closing(*guard_);
+  if (!sink_->failure().empty()) {
+    reason = closing.reason = sink_->failure();
+    closing.status = "aborted";
+  }
   const bool recorded =
-      sink_->finish(complete ? "complete" : "aborted", reason, segments, setup_.device->noise());
+      sink_->finish(closing.status, closing.reason, closing.segments, setup_.device->noise());
   if (!sink_->failure().empty()) reason = sink_->failure();
   {
     const std::scoped_lock lock(mutex_);
@@ -202,8 +243,8 @@ RunStatus Run::status() const {
   using Guarded = daq::Progress::State;
   const auto guarded = guard_->progress();
   RunStatus out{.run = setup_.id,
-                .protocol = setup_.plan.protocol.name(),
-                .title = setup_.plan.protocol.title(),
+                .protocol = setup_.plan.name,
+                .title = setup_.plan.title,
                 .device = setup_.device_name,
                 .recording = std::filesystem::path(setup_.path).stem(),
                 .path = setup_.path,

@@ -71,6 +71,7 @@ struct RunSetup {
   daq::Interlock interlock{};
   std::string path{};  // of the recording; must not exist
   std::string notes{};
+  std::string rerun_of{};  // identifier of the recording that this run repeats
   bool real_time = true;
 };
 

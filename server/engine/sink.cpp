@@ -1,39 +1,22 @@
 #include "server/engine/sink.h"
 
 #include <filesystem>
-#include <limits>
 
 #include "recordings/iso_time.h"
 
 namespace ferrobench::server {
-
-using recordings::Channel;
 
 namespace {
 
 constexpr std::chrono::seconds flush_interval{1};  // what a crash may cost
 constexpr std::size_t gap_rows = 8192;             // written at a time
 
-std::vector<Channel> channels_of(const std::vector<recordings::RawColumn>& columns) {
-  std::vector<Channel> out;
-  for (const auto channel : recordings::all_channels)
-    if (channel == Channel::command ||
-        std::ranges::any_of(columns, [&](const auto& c) { return c.channel == channel; }))
-      out.push_back(channel);
-  return out;
-}
-
 }  // namespace
 
-Sink::Sink(const std::string& path, const recordings::Header& header,
-           std::vector<recordings::RawColumn> columns, double rate, Hub& hub, std::string run)
-    : columns_(std::move(columns)),
-      rate_(rate),
-      hub_(hub),
-      run_(run),
-      live_(hub, std::move(run)),
-      path_(path) {
-  writer_.emplace(path, header, channels_of(columns_), columns_);
+Sink::Sink(const std::string& path, const recordings::Header& header, daq::Scaling scaling, Hub& hub,
+           std::string run)
+    : scaling_(std::move(scaling)), hub_(hub), run_(run), live_(hub, std::move(run)), path_(path) {
+  writer_.emplace(path, header, scaling_.channels(), scaling_.columns());
 }
 
 template <class F>
@@ -46,43 +29,20 @@ void Sink::guarded(F&& write) {
   }
 }
 
-void Sink::resize(std::size_t rows) {
-  time_.resize(rows);
-  for (const auto channel : channels_of(columns_)) values_.at(static_cast<std::size_t>(channel)).resize(rows);
-  counts_.resize(rows * columns_.size());
-  for (std::size_t i = 0; i < rows; ++i) time_[i] = static_cast<double>(rows_ + i) / rate_;
-}
-
-void Sink::store() {
-  recordings::Rows rows{.time = time_, .channels = {}, .counts = counts_};
-  for (std::size_t c = 0; c < values_.size(); ++c) rows.channels.at(c) = values_.at(c);
+void Sink::store(const recordings::Rows& rows) {
   guarded([&] { writer_->append(rows); });
   live_.add(rows);
-  rows_ += time_.size();
+  rows_ += rows.time.size();
 }
 
 void Sink::fill_gap(std::uint64_t until) {
-  while (rows_ < until) {
-    resize(std::min<std::uint64_t>(until - rows_, gap_rows));
-    for (auto& column : values_) std::ranges::fill(column, std::numeric_limits<double>::quiet_NaN());
-    std::ranges::fill(counts_, std::numeric_limits<std::int16_t>::min());
-    store();
-  }
+  while (rows_ < until) store(scaling_.gap(rows_, std::min<std::uint64_t>(until - rows_, gap_rows)));
 }
 
 void Sink::take(const daq::SampleBlock& block) {
   if (block.rows > 0) {
     fill_gap(block.first_sample);
-    resize(block.rows);
-    values_[static_cast<std::size_t>(Channel::command)] = block.command;
-    counts_ = block.counts;
-    const std::size_t width = columns_.size();
-    for (std::size_t c = 0; c < width; ++c) {
-      auto& to = values_.at(static_cast<std::size_t>(columns_[c].channel));
-      for (std::size_t i = 0; i < block.rows; ++i)
-        to[i] = columns_[c].offset + columns_[c].gain * counts_[i * width + c];
-    }
-    store();
+    store(scaling_.rows(block));
   }
   for (const auto& event : block.events) add_event(event);
   if (const auto now = std::chrono::steady_clock::now(); now - flushed_ > flush_interval) {

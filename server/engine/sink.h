@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "daq/device.h"
+#include "daq/scaling.h"
 #include "recordings/file.h"
 #include "server/engine/live.h"
 
@@ -17,8 +17,8 @@ namespace ferrobench::server {
 class Sink {
  public:
   // Throws what recordings::Writer throws.
-  Sink(const std::string& path, const recordings::Header& header, std::vector<recordings::RawColumn> columns,
-       double rate, Hub& hub, std::string run);
+  Sink(const std::string& path, const recordings::Header& header, daq::Scaling scaling, Hub& hub,
+       std::string run);
 
   void take(const daq::SampleBlock& block);
   void add_event(const recordings::Event& event);
@@ -34,11 +34,9 @@ class Sink {
   template <class F>
   void guarded(F&& write);
   void fill_gap(std::uint64_t until);
-  void store();
-  void resize(std::size_t rows);
+  void store(const recordings::Rows& rows);
 
-  std::vector<recordings::RawColumn> columns_;
-  double rate_;
+  daq::Scaling scaling_;
   Hub& hub_;
   std::string run_;
   LiveStream live_;
@@ -46,10 +44,6 @@ class Sink {
   std::string path_, failure_;
   std::uint64_t rows_ = 0;
   std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
-
-  std::vector<double> time_;
-  std::array<std::vector<double>, 5> values_;
-  std::vector<std::int16_t> counts_;
 };
 
 }  // namespace ferrobench::server

@@ -7,7 +7,8 @@
 // | limits    | get set                                                          |
 // | protocol  | list get schema validate preview                                 |
 // | run       | start status pause resume abort list                             |
-// | recording | list info read report export import annotate delete             |
+// | replay    | start                                                            |
+// | recording | list info read report compare export import annotate delete     |
 // | model     | list get put schema simulate fit                                 |
 // | discrepancy | start status result                                            |
 // | job       | status cancel                                                    |

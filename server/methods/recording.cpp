@@ -1,6 +1,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "recordings/difference.h"
 #include "recordings/export.h"
 #include "recordings/iso_time.h"
 #include "recordings/reports/report.h"
@@ -47,6 +48,14 @@ struct RecordingName {
 template <class Visitor>
 void describe(Visitor& visit, RecordingName& p) {
   visit("name", p.name, {.required = true, .doc = "of a recording"});
+}
+struct RecordingPair {
+  std::string a{}, b{};
+};
+template <class Visitor>
+void describe(Visitor& visit, RecordingPair& p) {
+  visit("a", p.a, {.required = true, .doc = "name of a recording"});
+  visit("b", p.b, {.required = true, .doc = "name of the other"});
 }
 struct ReadParams {
   std::string name{};
@@ -255,6 +264,14 @@ void add_recording_methods(Dispatcher& rpc, Engine& engine) {
                           return format == recordings::Format::json ? json::parse(content)
                                                                     : json{{"content", std::move(content)}};
                         });
+  rpc.add<RecordingPair>(
+      {.name = "recording.compare",
+       .doc = "Two recordings: rms, maximum and first difference of each channel, and what else differs.",
+       .result_schema = object},
+      [&engine](const RecordingPair& p) {
+        return to_json(compare(recordings::read_recording(engine.store().recording(p.a).string()),
+                               recordings::read_recording(engine.store().recording(p.b).string())));
+      });
   add_changes(rpc, engine);
 }
 

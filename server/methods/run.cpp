@@ -18,6 +18,41 @@ void describe(Visitor& visit, AbortParams& p) {
   visit("run", p.run, {.doc = "\"\": the latest"});
   visit("reason", p.reason, {.doc = "kept in the recording, beside who stopped it"});
 }
+struct ReplayRequest {
+  std::string recording{};
+  bool fast = false;
+  double speed = 1;
+  std::optional<double> from{}, to{};  // s
+  nlohmann::json set = nlohmann::json::object();
+  std::string notes{}, idempotency_key{};
+};
+template <class Visitor>
+void describe(Visitor& visit, ReplayRequest& r) {
+  visit("recording", r.recording, {.required = true, .doc = "name of a recording"});
+  visit("fast", r.fast, {.doc = "as fast as it can go, whatever the speed"});
+  visit("speed", r.speed, {.min = 1, .max = 1e6, .doc = "times the recorded speed"});
+  visit("from_s", r.from, {.unit = "s", .doc = "start of the part to play; absent: the recording's"});
+  visit("to_s", r.to, {.unit = "s", .doc = "end of the part to play; absent: the recording's"});
+  visit("set", r.set,
+        {.doc = "values by key: device.<channel>.gain, device.<channel>.offset (SI), device.played"});
+  visit("notes", r.notes, {.doc = "kept in the recording"});
+  visit("idempotency_key", r.idempotency_key,
+        {.doc = "a second start with the same key returns the first one's run"});
+}
+RunRequest run_of(const ReplayRequest& r) {
+  RunRequest out;
+  out.device = "replay:" + r.recording;
+  out.fast = r.fast;
+  out.set = r.set;
+  out.notes = r.notes;
+  out.idempotency_key = r.idempotency_key;
+  if (!out.set.is_object()) return out;  // refused where settings are read
+  out.set["device.speed"] = r.speed;
+  if (r.from) out.set["device.from"] = *r.from;
+  if (r.to) out.set["device.to"] = *r.to;
+  return out;
+}
+
 struct RunList {
   std::vector<RunStatus> runs{};
 };
@@ -55,6 +90,10 @@ void add_run_methods(Dispatcher& rpc, Engine& engine) {
         engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason));
         return engine.status(p.run);
       });
+  rpc.add<ReplayRequest>({.name = "replay.start",
+                          .doc = "Runs a recording again as it was measured, into a new recording.",
+                          .role = Role::control},
+                         [&engine](const ReplayRequest& r) { return engine.start(run_of(r)); });
   rpc.add<NoParams>({.name = "run.list", .doc = "The runs since the daemon started."},
                     [&engine](const NoParams&) { return RunList{engine.runs()}; });
 }

@@ -263,7 +263,7 @@ TEST(Sink, LostRowsAreNotANumber) {
   recordings::Header header;
   header.specimen = {"s", 0.01, 1e-4, 1e-4, 10};
   const auto path = (folder.path / "gap.h5").string();
-  Sink sink(path, header, {{Channel::field, 2.0, 1.0}}, 10, hub, "r");
+  Sink sink(path, header, daq::Scaling({{Channel::field, 2.0, 1.0}}, {}, 10), hub, "r");
   daq::SampleBlock block;
   block.rows = 2;
   block.counts = {1, 2};

@@ -1,0 +1,38 @@
+// From what a device sends to SI: value = offset + gain * count, column by column. What a block knows in SI
+// takes the place of that.
+#pragma once
+
+#include <span>
+
+#include "daq/device.h"
+#include "recordings/file.h"
+
+namespace ferrobench::daq {
+
+class Scaling {
+ public:
+  // `signals`: channels that come in SI only; `rate` in rows/s.
+  Scaling(std::vector<recordings::RawColumn> columns, std::span<const recordings::Channel> signals,
+          double rate);
+
+  // What a recording of this device has: the command and whatever is measured.
+  std::span<const recordings::Channel> channels() const { return channels_; }
+  std::span<const recordings::RawColumn> columns() const { return columns_; }
+
+  // The block's rows in SI. Valid until the next call and as long as the block.
+  recordings::Rows rows(const SampleBlock& block);
+  // Rows that were lost on the way: NaN, and the lowest count.
+  recordings::Rows gap(std::uint64_t first, std::size_t rows);
+
+ private:
+  void number(std::uint64_t first, std::size_t rows);
+
+  std::vector<recordings::RawColumn> columns_;
+  std::vector<recordings::Channel> channels_;
+  double rate_;
+  std::vector<double> time_;
+  std::array<std::vector<double>, 5> values_;  // by Channel
+  std::vector<std::int16_t> counts_;
+};
+
+}  // namespace ferrobench::daq
