@@ -25,6 +25,7 @@ struct Common {
 void add_serve(CLI::App& app, Common& common);
 void add_run(CLI::App& app, Common& common);
 void add_list(CLI::App& app, Common& common);
+void add_recover(CLI::App& app, Common& common);
 void add_report(CLI::App& app, Common& common);
 void add_table(CLI::App& app, Common& common);
 void add_simulate(CLI::App& app, Common& common);

@@ -34,6 +34,7 @@ void build(CLI::App& app, Common& common) {
   add_serve(app, common);
   add_run(app, common);
   add_list(app, common);
+  add_recover(app, common);
   add_report(app, common);
   add_table(app, common);
   add_simulate(app, common);

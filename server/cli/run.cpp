@@ -2,6 +2,7 @@
 #include <iostream>
 #include <thread>
 
+#include "recordings/recover.h"
 #include "server/cli/link.h"
 
 namespace ferrobench::cli {
@@ -20,12 +21,11 @@ struct RunOptions {
 };
 
 void demand_free(const RunOptions& o) {
-  std::error_code failure;
-  if (o.out.empty() || !fs::exists(o.out, failure)) return;
+  if (o.out.empty() || !server::Store::is_taken(o.out)) return;
   if (!o.force)
     throw Error(ErrorCode::io_error, "the file is there already",
                 Problem{.path = "/out", .given = o.out, .hint = "choose another name, or add --force"});
-  fs::remove(o.out);
+  recordings::remove_recording(o.out);
 }
 
 // Until the run is over; an interrupt asks for a safe stop.
@@ -74,7 +74,7 @@ int run(const RunOptions& o, const Common& common) {
   const auto status = follow(link, started, o.quiet);
   auto path = status.at("path").get<std::string>();
   // The daemon records in its own folder; the file asked for is a copy.
-  if (link.is_daemon() && !o.out.empty() && !path.empty()) {
+  if (link.is_daemon() && !o.out.empty() && fs::exists(path)) {
     fs::copy_file(path, o.out);
     path = o.out;
   }

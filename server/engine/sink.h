@@ -1,10 +1,11 @@
 // Where the blocks of a run end: scaled to SI, into the recording and to whoever watches.
 //
 // Rows that were lost on the way are written as NaN (raw counts as the lowest one), so that a row's number is
-// its time. After a failure to write, blocks are still shown and the failure is kept.
+// its time. After a failure to write, blocks are still shown and the failure is kept; so it is when the disk
+// has owed the confirmation of a write for 10 s.
 #pragma once
 
-#include <chrono>
+#include <atomic>
 #include <optional>
 #include <string>
 
@@ -28,7 +29,8 @@ class Sink {
               const std::array<std::optional<double>, 5>& noise);
 
   std::uint64_t rows() const { return rows_; }
-  const std::string& failure() const { return failure_; }  // "" if all went well
+  std::uint64_t rows_on_disk() const { return rows_on_disk_; }  // for any thread
+  const std::string& failure() const { return failure_; }       // "" if all went well
 
  private:
   template <class F>
@@ -36,6 +38,7 @@ class Sink {
   void fill_gap(std::uint64_t until);
   void store();
   void resize(std::size_t rows);
+  void watch_disk();
 
   std::vector<recordings::RawColumn> columns_;
   double rate_;
@@ -43,9 +46,10 @@ class Sink {
   std::string run_;
   LiveStream live_;
   std::optional<recordings::Writer> writer_;
-  std::string path_, failure_;
+  std::string failure_;
   std::uint64_t rows_ = 0;
-  std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
+  std::atomic<std::uint64_t> rows_on_disk_ = 0;
+  bool slow_ = false;
 
   std::vector<double> time_;
   std::array<std::vector<double>, 5> values_;

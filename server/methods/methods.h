@@ -7,7 +7,7 @@
 // | limits    | get set                                                          |
 // | protocol  | list get schema validate preview                                 |
 // | run       | start status pause resume abort list                             |
-// | recording | list info read report export import annotate delete             |
+// | recording | list info read report export import annotate recover delete     |
 // | model     | list get put schema simulate fit                                 |
 // | discrepancy | start status result                                            |
 // | job       | status cancel                                                    |
