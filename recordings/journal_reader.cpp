@@ -23,7 +23,8 @@ namespace {
 Descriptor open_journal(const std::string& path) {
   auto file = open_file(path, O_RDONLY | O_NONBLOCK);
   if (!file)
-    throw Error(ErrorCode::not_found, "the recording cannot be opened",
+    throw Error(errno == ENOENT ? ErrorCode::not_found : ErrorCode::io_error,
+                "the recording cannot be opened",
                 Problem{.message = std::generic_category().message(errno), .given = path});
   return file;
 }

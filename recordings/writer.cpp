@@ -96,14 +96,19 @@ void Writer::finish(const std::string& status, const std::string& reason,
     state->journal.sync();
   } catch (const Error&) {  // a journal that cannot be closed can still be made a file of
   }
-  try {
-    state->pack_journal(ending);
-  } catch (const Error& error) {
-    auto problems = error.problems();
-    problems.push_back({.message = "the samples are kept in the journal",
-                        .given = journal_path(state->path),
-                        .hint = "make room or mend the disk, then: ferrobench recover " + state->path});
-    throw Error(error.code(), error.message(), std::move(problems));
+  for (int attempt = 1; attempt <= 2; ++attempt) {
+    try {
+      state->pack_journal(ending);
+      break;
+    } catch (const Error& error) {
+      // What HDF5 was interrupted in goes well the second time.
+      if (attempt == 1 && error.code() != ErrorCode::disk_full) continue;
+      auto problems = error.problems();
+      problems.push_back({.message = "the samples are kept in the journal",
+                          .given = journal_path(state->path),
+                          .hint = "make room or mend the disk, then: ferrobench recover " + state->path});
+      throw Error(error.code(), error.message(), std::move(problems));
+    }
   }
   try {
     state->journal.remove();
