@@ -1,13 +1,9 @@
 #include "recordings/hdf5_output.h"
 
-#include <fcntl.h>
-#include <sys/statvfs.h>
-#include <unistd.h>
-
 #include <cerrno>
-#include <filesystem>
 
 #include "protocols/common/error.h"
+#include "recordings/durable_file.h"
 
 namespace ferrobench::recordings::hdf5 {
 namespace {
@@ -30,14 +26,6 @@ std::pair<std::size_t, std::string> padded(std::span<const std::string> values) 
   return {width, std::move(table)};
 }
 
-bool is_full(const std::string& path, int error) {
-  if (error == ENOSPC || error == EDQUOT || error == EFBIG) return true;
-  struct statvfs status {};
-  const auto folder = std::filesystem::path(path).parent_path();
-  if (statvfs(folder.empty() ? "." : folder.c_str(), &status) != 0) return false;
-  return static_cast<double>(status.f_bavail) * static_cast<double>(status.f_frsize) < 1e6;
-}
-
 }  // namespace
 
 Handle text_type(std::size_t size) {
@@ -54,17 +42,12 @@ Output::Output(Handle file, std::string path) : file_(std::move(file)), path_(st
 
 void Output::need(bool done, const std::string& place) const {
   if (done) return;
-  const bool full = is_full(path_, errno);
+  const bool full = is_disk_full(path_, errno);
   throw Error(full ? ErrorCode::disk_full : ErrorCode::io_error, "the recording could not be written",
               Problem{.path = place,
                       .message = "could not be written",
                       .given = path_,
                       .hint = full ? "make room on the disk" : "check that the folder can be written to"});
-}
-
-void Output::remove(const std::string& place) {
-  if (H5Lexists(id(), place.c_str(), H5P_DEFAULT) > 0)
-    need(H5Ldelete(id(), place.c_str(), H5P_DEFAULT) >= 0, place);
 }
 
 void Output::group(const std::string& place, const std::string& nx_class) {
@@ -143,9 +126,6 @@ void Output::attribute(const std::string& place, const char* name, std::int64_t 
 
 void Output::flush() {
   need(H5Fflush(id(), H5F_SCOPE_LOCAL) >= 0, "/");
-  void* descriptor = nullptr;
-  need(H5Fget_vfd_handle(id(), H5P_DEFAULT, &descriptor) >= 0 && fsync(*static_cast<int*>(descriptor)) == 0,
-       "/");
 }
 
 void Output::close() {

@@ -18,7 +18,6 @@ class Output {
   hid_t id() const { return file_.get(); }
   void need(bool done, const std::string& place) const;
 
-  void remove(const std::string& place);  // if it is there
   void group(const std::string& place, const std::string& nx_class);
   void text(const std::string& place, const std::string& value);
   void texts(const std::string& place, std::span<const std::string> values);
@@ -35,7 +34,7 @@ class Output {
   void attribute(const std::string& place, const char* name, std::span<const double> values);
   void attribute(const std::string& place, const char* name, std::int64_t value);
 
-  void flush();  // to the disk itself
+  void flush();  // to the operating system
   void close();
 
  private:

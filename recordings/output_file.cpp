@@ -5,31 +5,14 @@
 namespace ferrobench::recordings {
 namespace {
 
-using Kind = OutputFile::Kind;
-
-hdf5::Handle create(const std::string& path, Kind kind) {
+hdf5::Handle create(const std::string& path) {
   hdf5::prepare_thread();
   auto access = hdf5::unlocked_access();
-  // Version 1.10 puts checksums on everything, but marks an open file, which a crash would leave so.
-  const auto version = kind == Kind::packed ? H5F_LIBVER_V110 : H5F_LIBVER_V18;
-  H5Pset_libver_bounds(access.get(), version, version);
+  // Version 1.10 puts checksums on everything.
+  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110);
   auto creation = hdf5::properties(H5Pcreate(H5P_FILE_CREATE));
   H5Pset_obj_track_times(creation.get(), false);
-  auto file = hdf5::file(H5Fcreate(path.c_str(), kind == Kind::packed ? H5F_ACC_TRUNC : H5F_ACC_EXCL,
-                                   creation.get(), access.get()));
-  if (file && kind == Kind::growing) {
-    // Structure reaches the disk at a flush only: in between, the file there stays as the last flush left it.
-    H5AC_cache_config_t cache{};
-    cache.version = H5AC__CURR_CACHE_CONFIG_VERSION;
-    if (H5Fget_mdc_config(file.get(), &cache) >= 0) {
-      cache.evictions_enabled = false;
-      cache.incr_mode = H5C_incr__off;
-      cache.flash_incr_mode = H5C_flash_incr__off;
-      cache.decr_mode = H5C_decr__off;
-      H5Fset_mdc_config(file.get(), &cache);
-    }
-  }
-  return file;
+  return hdf5::file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.get(), access.get()));
 }
 
 // The channel that a viewer shows first.
@@ -55,35 +38,18 @@ const char* long_name(Channel channel) {
   return "";
 }
 
-constexpr std::size_t kind_bytes = 64, message_bytes = 1024;  // of an event in a growing file
-
-template <class T>
-void transfer(herr_t (*move)(hid_t, hid_t, hid_t, hid_t, hid_t, T*), const hdf5::Output& out,
-              const hdf5::Handle& column, hid_t type, std::uint64_t first, std::uint64_t rows,
-              std::size_t width, T* data, const std::string& place) {
-  const auto file_space = hdf5::space(H5Dget_space(column.get()));
-  const std::array<hsize_t, 2> start{first, 0};
-  const std::array<hsize_t, 2> count{rows, width};
-  const auto memory = hdf5::space(H5Screate_simple(width == 0 ? 1 : 2, count.data(), nullptr));
-  out.need(H5Sselect_hyperslab(file_space.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(),
-                               nullptr) >= 0 &&
-               move(column.get(), type, memory.get(), file_space.get(), H5P_DEFAULT, data) >= 0,
-           place);
-}
-
 }  // namespace
 
 std::string channel_place(Channel channel) {
   return "/entry/data/" + std::string(channel_name(channel));
 }
 
-OutputFile::OutputFile(const std::string& path, Kind kind, const Header& header,
-                       std::span<const Channel> channels, std::span<const RawColumn> raw, std::uint64_t rows)
-    : kind_(kind), rows_(rows), raw_width_(raw.size()), out_(create(path, kind), path) {
+OutputFile::OutputFile(const std::string& path, const Header& header, std::span<const Channel> channels,
+                       std::span<const RawColumn> raw, std::uint64_t rows)
+    : rows_(rows), raw_width_(raw.size()), out_(create(path), path) {
   write_header(header);
   make_columns(header, channels);
   out_.group("/entry/events", "NXcollection");
-  if (kind == Kind::growing) make_events();
   if (!raw.empty()) make_raw(raw);
 }
 
@@ -122,21 +88,16 @@ void OutputFile::write_header(const Header& header) {
 }
 
 hdf5::Handle OutputFile::make_column(const std::string& place, hid_t type, std::size_t width) {
-  const bool growing = kind_ == Kind::growing;
   const int rank = width == 0 ? 1 : 2;
   const std::array<hsize_t, 2> size{rows_, width};
-  const std::array<hsize_t, 2> limit{growing ? H5S_UNLIMITED : rows_, width};
-  const std::array<hsize_t, 2> chunk{growing ? chunk_rows : std::clamp<hsize_t>(rows_, 1, 4 * chunk_rows),
-                                     width};
+  const std::array<hsize_t, 2> chunk{std::clamp<hsize_t>(rows_, 1, chunk_rows), width};
   auto properties = hdf5::properties(H5Pcreate(H5P_DATASET_CREATE));
   H5Pset_obj_track_times(properties.get(), false);
   H5Pset_chunk(properties.get(), rank, chunk.data());
-  if (!growing) {
-    H5Pset_shuffle(properties.get());
-    H5Pset_deflate(properties.get(), 2);
-    H5Pset_fletcher32(properties.get());
-  }
-  const auto space = hdf5::space(H5Screate_simple(rank, size.data(), limit.data()));
+  H5Pset_shuffle(properties.get());
+  H5Pset_deflate(properties.get(), 2);
+  H5Pset_fletcher32(properties.get());
+  const auto space = hdf5::space(H5Screate_simple(rank, size.data(), size.data()));
   auto column = hdf5::dataset(
       H5Dcreate2(out_.id(), place.c_str(), type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT));
   out_.need(static_cast<bool>(column), place);
@@ -182,39 +143,6 @@ void OutputFile::make_raw(std::span<const RawColumn> raw) {
   out_.attribute(place, "offset", std::span<const double>(offsets));
 }
 
-void OutputFile::make_events() {
-  const hsize_t none = 0, chunk = 64, unlimited = H5S_UNLIMITED;
-  const auto space = hdf5::space(H5Screate_simple(1, &none, &unlimited));
-  const auto properties = hdf5::properties(H5Pcreate(H5P_DATASET_CREATE));
-  H5Pset_obj_track_times(properties.get(), false);
-  H5Pset_chunk(properties.get(), 1, &chunk);
-  const auto kind = hdf5::text_type(kind_bytes), message = hdf5::text_type(message_bytes);
-  for (const auto& [place, type] :
-       {std::pair{"/entry/events/time", H5T_NATIVE_DOUBLE}, std::pair{"/entry/events/kind", kind.get()},
-        std::pair{"/entry/events/message", message.get()}})
-    out_.need(static_cast<bool>(hdf5::dataset(H5Dcreate2(out_.id(), place, type, space.get(), H5P_DEFAULT,
-                                                         properties.get(), H5P_DEFAULT))),
-              place);
-  out_.attribute("/entry/events/time", "units", std::string("s"));
-}
-
-void OutputFile::add_event(const Event& event) {
-  const hsize_t size = events_ + 1;
-  const auto add = [&](const char* place, hid_t type, const void* value) {
-    const auto column = hdf5::dataset(H5Dopen2(out_.id(), place, H5P_DEFAULT));
-    out_.need(column && H5Dset_extent(column.get(), &size) >= 0, place);
-    transfer(&H5Dwrite, out_, column, type, events_, 1, 0, value, place);
-  };
-  const auto add_text = [&](const char* place, std::string text, std::size_t bytes) {
-    text.resize(bytes, '\0');
-    add(place, hdf5::text_type(bytes).get(), text.data());
-  };
-  add("/entry/events/time", H5T_NATIVE_DOUBLE, &event.time);
-  add_text("/entry/events/kind", event.kind, kind_bytes);
-  add_text("/entry/events/message", event.message, message_bytes);
-  ++events_;
-}
-
 void OutputFile::write_events(std::span<const Event> events) {
   std::vector<double> times;
   std::vector<std::string> kinds, messages;
@@ -233,11 +161,14 @@ void OutputFile::write(std::uint64_t first, const Rows& rows) {
   if (count == 0) return;
   const auto put = [&](const hdf5::Handle& column, hid_t type, std::size_t width, const void* data,
                        const std::string& place) {
-    if (first + count > rows_) {
-      const std::array<hsize_t, 2> size{first + count, width};
-      out_.need(H5Dset_extent(column.get(), size.data()) >= 0, place);
-    }
-    transfer(&H5Dwrite, out_, column, type, first, count, width, data, place);
+    const auto in_file = hdf5::space(H5Dget_space(column.get()));
+    const std::array<hsize_t, 2> start{first, 0};
+    const std::array<hsize_t, 2> size{count, width};
+    const auto in_memory = hdf5::space(H5Screate_simple(width == 0 ? 1 : 2, size.data(), nullptr));
+    out_.need(H5Sselect_hyperslab(in_file.get(), H5S_SELECT_SET, start.data(), nullptr, size.data(),
+                                  nullptr) >= 0 &&
+                  H5Dwrite(column.get(), type, in_memory.get(), in_file.get(), H5P_DEFAULT, data) >= 0,
+              place);
   };
   put(time_, H5T_NATIVE_DOUBLE, 0, rows.time.data(), "/entry/data/time");
   for (const auto channel : all_channels) {
@@ -246,34 +177,12 @@ void OutputFile::write(std::uint64_t first, const Rows& rows) {
       put(columns_.at(i), H5T_NATIVE_DOUBLE, 0, rows.channels.at(i).data(), channel_place(channel));
   }
   if (counts_) put(counts_, H5T_NATIVE_INT16, raw_width_, rows.counts.data(), "/entry/instrument/raw/ai");
-  rows_ = std::max<std::uint64_t>(rows_, first + count);
-}
-
-void OutputFile::read(std::uint64_t first, std::span<double> time,
-                      const std::array<std::span<double>, 5>& channels,
-                      std::span<std::int16_t> counts) const {
-  const auto get = [&](const hdf5::Handle& column, hid_t type, std::size_t width, void* data,
-                       const std::string& place) {
-    transfer(&H5Dread, out_, column, type, first, time.size(), width, data, place);
-  };
-  get(time_, H5T_NATIVE_DOUBLE, 0, time.data(), "/entry/data/time");
-  for (const auto channel : all_channels) {
-    const auto i = static_cast<std::size_t>(channel);
-    if (columns_.at(i))
-      get(columns_.at(i), H5T_NATIVE_DOUBLE, 0, channels.at(i).data(), channel_place(channel));
-  }
-  if (counts_) get(counts_, H5T_NATIVE_INT16, raw_width_, counts.data(), "/entry/instrument/raw/ai");
-}
-
-void OutputFile::write_status(const std::string& status, const std::string& reason) {
-  out_.remove("/entry/status");
-  out_.text("/entry/status", status);
-  if (!reason.empty()) out_.fixed_attribute("/entry/status", "reason", reason);
 }
 
 void OutputFile::write_closing(const Closing& closing) {
   out_.text("/entry/end_time", closing.end_time);
-  write_status(closing.status, closing.reason);
+  out_.text("/entry/status", closing.status);
+  if (!closing.reason.empty()) out_.fixed_attribute("/entry/status", "reason", closing.reason);
 
   std::vector<std::int64_t> starts, ends;
   std::vector<std::string> kinds, labels;

@@ -1,9 +1,12 @@
 #include <cmath>
+#include <filesystem>
 
 #include "protocols/common/error.h"
 #include "protocols/common/fields.h"
 #include "recordings/file.h"
 #include "recordings/hdf5_input.h"
+#include "recordings/journal_reader.h"
+#include "recordings/journal_writer.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -181,9 +184,7 @@ std::string read_reason(const Input& in) {
   return in.text_attribute("/entry", "reason").value_or("");
 }
 
-}  // namespace
-
-Recording read_recording(const std::string& path) {
+Recording read_hdf5(const std::string& path) {
   const Input in(path);
   Recording r;
   r.header = read_header(in);
@@ -203,7 +204,7 @@ Recording read_recording(const std::string& path) {
   return r;
 }
 
-Summary read_summary(const std::string& path) {
+Summary summarize_hdf5(const std::string& path) {
   const Input in(path);
   Summary s;
   s.path = path;
@@ -217,6 +218,30 @@ Summary read_summary(const std::string& path) {
     s.segment_count = in.numeric_size("/entry/segments/start_sample").rows;
   if (in.has("/entry/events/time")) s.event_count = in.numeric_size("/entry/events/time").rows;
   return s;
+}
+
+// The file, or its journal where the file is not there yet. A run that ends in between has its file then.
+template <class FromFile, class FromJournal>
+auto read_either(const std::string& path, FromFile&& from_file, FromJournal&& from_journal) {
+  if (is_journal(path)) return from_journal(path);
+  if (!std::filesystem::exists(path)) {
+    try {
+      return from_journal(journal_path(path));
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::not_found) throw;
+    }
+  }
+  return from_file(path);
+}
+
+}  // namespace
+
+Recording read_recording(const std::string& path) {
+  return read_either(path, read_hdf5, read_journal);
+}
+
+Summary read_summary(const std::string& path) {
+  return read_either(path, summarize_hdf5, summarize_journal);
 }
 
 }  // namespace ferrobench::recordings

@@ -1,214 +1,123 @@
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstdio>
 #include <filesystem>
 
 #include "protocols/common/error.h"
 #include "recordings/file.h"
 #include "recordings/iso_time.h"
-#include "recordings/output_file.h"
+#include "recordings/journal_reader.h"
+#include "recordings/journal_writer.h"
+#include "recordings/pack.h"
 
 namespace ferrobench::recordings {
-namespace {
-
-// The new file stands under its name only when all of it is on the disk.
-void replace(const std::string& from, const std::string& to) {
-  const auto fail = [&] {
-    throw Error(ErrorCode::io_error, "the recording could not be put in its place",
-                Problem{.message = std::generic_category().message(errno), .given = to});
-  };
-  if (std::rename(from.c_str(), to.c_str()) != 0) fail();
-  const auto folder = std::filesystem::path(to).parent_path();
-  const int descriptor = open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) fail();
-  fsync(descriptor);
-  close(descriptor);
-}
-
-std::string part_name(const std::string& path) {
-  return path + ".part";
-}
-
-// Columns of one chunk.
-struct Buffer {
-  std::vector<double> time;
-  std::array<std::vector<double>, 5> channels;
-  std::vector<std::int16_t> counts;
-
-  Rows rows() const {
-    Rows out{.time = time, .channels = {}, .counts = counts};
-    for (std::size_t i = 0; i < channels.size(); ++i) out.channels.at(i) = channels.at(i);
-    return out;
-  }
-  void clear() {
-    time.clear();
-    for (auto& channel : channels) channel.clear();
-    counts.clear();
-  }
-  void resize(std::size_t rows, std::span<const Channel> present, std::size_t raw_width) {
-    time.resize(rows);
-    for (const auto channel : present) channels.at(static_cast<std::size_t>(channel)).resize(rows);
-    counts.resize(rows * raw_width);
-  }
-};
-
-}  // namespace
 
 struct Writer::State {
+  State(std::string file, Begin begin)
+      : path(std::move(file)), journal(journal_path(path), std::move(begin)) {}
+
   std::string path;
-  Header header;
-  std::vector<Channel> channels;
-  std::vector<RawColumn> raw;
-  std::vector<Event> events;
-  OutputFile file;
-  Buffer buffer;
-  std::uint64_t written = 0;  // rows in the file; the rest is in the buffer
+  JournalWriter journal;
   double last_time = 0;
 
-  // Adds rows [from, from + count) of `rows` to the buffer.
-  void take(const Rows& rows, std::size_t from, std::size_t count) {
-    const auto add = [&](auto& to, auto values, std::size_t width) {
-      const auto part = values.subspan(from * width, count * width);
-      to.insert(to.end(), part.begin(), part.end());
-    };
-    add(buffer.time, rows.time, 1);
-    for (const auto channel : channels) {
-      const auto i = static_cast<std::size_t>(channel);
-      add(buffer.channels.at(i), rows.channels.at(i), 1);
-    }
-    add(buffer.counts, rows.counts, raw.size());
-    last_time = buffer.time.back();
-  }
-
-  void write_buffer() {
-    file.write(written, buffer.rows());
-    written += buffer.time.size();
-    buffer.clear();
-  }
-
-  // The same file again, shuffled and compressed.
-  void pack(const Closing& closing) {
-    OutputFile packed(part_name(path), OutputFile::Kind::packed, header, channels, raw, written);
-    Buffer block;
-    constexpr std::uint64_t block_rows = 16 * OutputFile::chunk_rows;
-    for (std::uint64_t first = 0; first < written; first += block_rows) {
-      block.resize(std::min(block_rows, written - first), channels, raw.size());
-      std::array<std::span<double>, 5> columns;
-      for (std::size_t i = 0; i < columns.size(); ++i) columns.at(i) = block.channels.at(i);
-      file.read(first, block.time, columns, block.counts);
-      packed.write(first, block.rows());
-    }
-    packed.write_events(events);
-    packed.write_closing(closing);
-    packed.flush();
-    packed.close();
-    replace(part_name(path), path);
+  void pack_journal(const Ending& ending) {
+    const JournalReader written(journal_path(path));
+    if (written.rows() != journal.rows())
+      throw Error(ErrorCode::io_error, "the journal cannot be read back",
+                  Problem{.message = "has fewer rows than were written",
+                          .given = written.rows(),
+                          .allowed = journal.rows()});
+    pack(written, ending, written.events(), path);
   }
 };
 
 Writer::Writer(const std::string& path, const Header& header, std::span<const Channel> channels,
                std::span<const RawColumn> raw) {
-  if (std::filesystem::exists(path))
-    throw Error(ErrorCode::io_error, "a file of this name is there already",
-                Problem{.message = "would be overwritten", .given = path, .hint = "choose another name"});
-  state_ = std::make_unique<State>(State{.path = path,
-                                         .header = header,
-                                         .channels = {channels.begin(), channels.end()},
-                                         .raw = {raw.begin(), raw.end()},
-                                         .events = {},
-                                         .file = {path, OutputFile::Kind::growing, header, channels, raw},
-                                         .buffer = {}});
-  state_->file.write_status("running");
-  state_->file.flush();
+  for (const auto& name : {path, journal_path(path)})
+    if (std::filesystem::exists(name))
+      throw Error(ErrorCode::io_error, "a file of this name is there already",
+                  Problem{.message = "would be overwritten", .given = name, .hint = "choose another name"});
+  state_ = std::make_unique<State>(
+      path, Begin{header, {channels.begin(), channels.end()}, {raw.begin(), raw.end()}});
 }
 
 Writer::~Writer() {
-  if (!state_) return;
   try {
-    state_->write_buffer();
-    state_->file.flush();
-    state_->file.close();
-  } catch (const Error&) {  // nobody is left to tell; the file keeps what was flushed before
+    if (state_) state_->journal.sync();
+  } catch (const Error&) {  // nobody is left to tell; the journal keeps what it has
   }
 }
 
 void Writer::append(const Rows& rows) {
   auto& s = *state_;
-  for (const auto channel : s.channels)
+  for (const auto channel : s.journal.begin().channels)
     if (rows.channels.at(static_cast<std::size_t>(channel)).size() != rows.time.size())
       throw std::invalid_argument("Writer::append: columns differ in length");
-  if (rows.counts.size() != rows.time.size() * s.raw.size())
+  if (rows.counts.size() != rows.time.size() * s.journal.begin().raw.size())
     throw std::invalid_argument("Writer::append: counts do not fit the rows");
-  for (std::size_t done = 0; done < rows.time.size();) {
-    const auto room = OutputFile::chunk_rows - (s.written + s.buffer.time.size()) % OutputFile::chunk_rows;
-    const auto count = std::min<std::size_t>(room, rows.time.size() - done);
-    s.take(rows, done, count);
-    done += count;
-    if (count == room) s.write_buffer();
-  }
+  if (rows.time.empty()) return;
+  s.journal.append(rows);
+  s.last_time = rows.time.back();
 }
 
 void Writer::add_event(const Event& event) {
-  state_->events.push_back(event);
-  state_->file.add_event(event);
+  state_->journal.append(event);
 }
 
 void Writer::flush() {
-  state_->write_buffer();
-  state_->file.flush();
+  state_->journal.sync();
 }
 
 std::uint64_t Writer::rows() const {
-  return state_ ? state_->written + state_->buffer.time.size() : 0;
+  return state_ ? state_->journal.rows() : 0;
+}
+
+std::uint64_t Writer::rows_on_disk() const {
+  return state_ ? state_->journal.rows_on_disk() : 0;
+}
+
+std::chrono::steady_clock::duration Writer::waiting() const {
+  return state_ ? state_->journal.waiting() : std::chrono::steady_clock::duration{};
+}
+
+void Writer::discard() {
+  const auto state = std::move(state_);
+  state->journal.remove();
 }
 
 void Writer::finish(const std::string& status, const std::string& reason,
                     std::span<const SegmentRow> segments, const std::array<std::optional<double>, 5>& noise) {
-  auto& s = *state_;
-  s.write_buffer();
-  const Closing closing{iso_after(s.header.start_time, s.last_time).value_or(iso_now()), status, reason,
-                        segments, noise};
-  s.file.write_closing(closing);
-  s.file.flush();
+  const auto state = std::move(state_);
+  const auto& header = state->journal.begin().header;
+  const Ending ending{iso_after(header.start_time, state->last_time).value_or(iso_now()),
+                      status,
+                      reason,
+                      {segments.begin(), segments.end()},
+                      noise};
   try {
-    s.pack(closing);
-  } catch (const Error& error) {
-    // Without room for a second copy the first one stays: complete, only larger.
-    std::filesystem::remove(part_name(s.path));
-    if (error.code() != ErrorCode::disk_full) throw;
+    state->journal.append(ending);
+    state->journal.sync();
+  } catch (const Error&) {  // a journal that cannot be closed can still be made a file of
   }
-  state_.reset();
+  for (int attempt = 1; attempt <= 2; ++attempt) {
+    try {
+      state->pack_journal(ending);
+      break;
+    } catch (const Error& error) {
+      // What HDF5 was interrupted in goes well the second time.
+      if (attempt == 1 && error.code() != ErrorCode::disk_full) continue;
+      auto problems = error.problems();
+      problems.push_back({.message = "the samples are kept in the journal",
+                          .given = journal_path(state->path),
+                          .hint = "make room or mend the disk, then: ferrobench recover " + state->path});
+      throw Error(error.code(), error.message(), std::move(problems));
+    }
+  }
+  try {
+    state->journal.remove();
+  } catch (const Error&) {  // a journal beside a whole file is removed by the next recovery
+  }
 }
 
 void write_recording(const std::string& path, const Recording& recording) {
-  std::vector<Channel> channels;
-  Rows rows{.time = recording.time, .channels = {}, .counts = {}};
-  for (const auto channel : all_channels) {
-    if (!recording.has(channel)) continue;
-    channels.push_back(channel);
-    rows.channels.at(static_cast<std::size_t>(channel)) = recording.at(channel);
-  }
-  std::span<const RawColumn> raw;
-  if (recording.raw) {
-    raw = recording.raw->columns;
-    rows.counts = recording.raw->counts;
-  }
-  try {
-    OutputFile file(part_name(path), OutputFile::Kind::packed, recording.header, channels, raw,
-                    recording.size());
-    file.write(0, rows);
-    file.write_events(recording.events);
-    file.write_closing(
-        {recording.end_time, recording.status, recording.reason, recording.segments, recording.noise});
-    file.flush();
-    file.close();
-    replace(part_name(path), path);
-  } catch (const Error&) {
-    std::filesystem::remove(part_name(path));
-    throw;
-  }
+  pack(recording, path);
 }
 
 }  // namespace ferrobench::recordings

@@ -10,6 +10,7 @@
 
 #include "model/model.h"
 #include "protocols/protocol.h"
+#include "recordings/recover.h"
 #include "server/cli/link.h"
 #include "server/methods/methods.h"
 
@@ -82,7 +83,7 @@ json set_argument(const std::vector<std::string>& settings) {
 
 std::string recording_argument(const std::string& given, const Common& common) {
   std::error_code failure;
-  if (fs::is_regular_file(given, failure)) return given;
+  if (fs::is_regular_file(recordings::present_file(given), failure)) return given;
   if (given.find('/') == std::string::npos)
     return server::Store(common.data_folder()).recording(given).string();
   throw Error(ErrorCode::not_found, "there is no file \"" + given + "\"",

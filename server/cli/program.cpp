@@ -37,6 +37,7 @@ void build(CLI::App& app, Common& common) {
   add_rerun(app, common);
   add_compare(app, common);
   add_list(app, common);
+  add_recover(app, common);
   add_report(app, common);
   add_table(app, common);
   add_simulate(app, common);

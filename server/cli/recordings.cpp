@@ -79,12 +79,16 @@ void act(CLI::App* sub, const std::shared_ptr<RecordingOptions>& o, Common& comm
 }  // namespace
 
 void add_list(CLI::App& app, Common& common) {
-  auto* sub = app.add_subcommand("list", "List the recordings of the data folder, newest first");
+  auto* sub =
+      app.add_subcommand("list", "List the recordings of the data folder, newest first, with their status");
   auto o = std::make_shared<RecordingOptions>();
   sub->add_option("--format", o->format, "text or json")
       ->check(CLI::IsMember(std::vector<std::string>{"text", "json"}))
       ->default_val("text");
-  sub->footer("Example:\n  ferrobench list --format json");
+  sub->footer(
+      "Status: running, complete, aborted, recovered (the run broke off, its file was made later) or "
+      "unreadable.\n"
+      "Example:\n  ferrobench list --format json");
   act(sub, o, common, list);
 }
 

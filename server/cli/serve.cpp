@@ -4,6 +4,7 @@
 #include <iostream>
 #include <thread>
 
+#include "recordings/recover.h"
 #include "server/cli/link.h"
 #include "server/methods/methods.h"
 #include "server/net/server.h"
@@ -24,11 +25,25 @@ struct ServeOptions {
 // A recording by its name, or what recording.export wrote beside it.
 std::optional<std::string> download(const server::Store& store, const std::string& name) {
   try {
-    if (!name.ends_with(".csv")) return store.recording(name).string();
+    if (!name.ends_with(".csv")) return store.recording(name).string();  // no file yet while its run goes on
     server::check_name(name, "/name");
     return (store.recordings() / name).string();
   } catch (const Error&) {
     return std::nullopt;
+  }
+}
+
+// What the runs of a program that died have left. One that cannot be made whole stays for 'ferrobench
+// recover'.
+void recover_all(const std::string& folder) {
+  for (const auto& path : recordings::find_broken(folder)) {
+    const auto name = fs::path(path).filename().string();
+    try {
+      const auto done = recordings::recover_recording(path);
+      std::cout << recovered_name(done.outcome) << ' ' << name << ": " << done.message << std::endl;
+    } catch (const Error& error) {
+      std::cerr << "ferrobench: " << name << " cannot be recovered: " << error.what() << std::endl;
+    }
   }
 }
 
@@ -38,6 +53,7 @@ int serve(const ServeOptions& o, const Common& common) {
   server::Engine engine(common.data_folder(), hub);
   server::Dispatcher rpc;
   add_all_methods(rpc, engine);
+  recover_all(engine.store().recordings().string());
 
   auto options = o.net;
   options.unix_socket = common.socket_path();
@@ -82,6 +98,7 @@ void add_serve(CLI::App& app, Common& common) {
                   "~/.local/state/ferrobench/token")
       ->type_name("FILE");
   sub->footer(
+      "Recordings whose run broke off are made whole before it listens (ferrobench recover --help).\n"
       "Examples:\n"
       "  ferrobench serve\n"
       "  ferrobench serve --port 0 --data /tmp/bench");

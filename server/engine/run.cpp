@@ -1,6 +1,7 @@
 #include "server/engine/run.h"
 
 #include <array>
+#include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
@@ -18,6 +19,7 @@ namespace {
 
 constexpr std::size_t queue_blocks = 256;  // of 0.1 s each in real time
 constexpr std::chrono::milliseconds status_interval{200};
+constexpr std::chrono::seconds patience{10};  // with a writer that hangs
 
 <<<<<<< HEAD
 recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
@@ -98,6 +100,8 @@ struct Run::Pipe {
   Queue free, full;
   std::counting_semaphore<> filled{0}, returned{0};
   bool wait_for_writer;
+  using Clock = std::chrono::steady_clock;
+  std::atomic<Clock::time_point> taken{Clock::time_point::max()};  // when the writer began its block
 
   explicit Pipe(bool wait) : wait_for_writer(wait) {
     for (auto& block : blocks) free.push(&block);
@@ -119,11 +123,17 @@ struct Run::Pipe {
     filled.acquire();
     daq::SampleBlock* block = nullptr;
     full.pop(block);
+    taken = Clock::now();
     return block;
   }
   void put_free(daq::SampleBlock* block) {
+    taken = Clock::time_point::max();
     free.push(block);
     if (wait_for_writer) returned.release();
+  }
+  bool writer_hangs() const {
+    const auto since = taken.load();
+    return !wait_for_writer && since != Clock::time_point::max() && Clock::now() - since > patience;
   }
 };
 
@@ -171,7 +181,7 @@ void Run::acquire() {
     daq::SampleBlock spare;
     for (;;) {
       auto* block = pipe_->take_free();
-      if (block == nullptr) guard_->stop("the disk does not keep up");
+      if (block == nullptr || pipe_->writer_hangs()) guard_->stop("the disk does not keep up");
       const bool more = guard_->read(block == nullptr ? spare : *block);
       // The writer sees the rows that a spare block took away as a gap.
       if (block != nullptr) pipe_->put_full(block);
@@ -249,6 +259,7 @@ RunStatus Run::status() const {
                 .recording = std::filesystem::path(setup_.path).stem(),
                 .path = setup_.path,
                 .rows = static_cast<std::int64_t>(guarded.rows_read),
+                .rows_on_disk = static_cast<std::int64_t>(sink_->rows_on_disk()),
                 .rows_expected = static_cast<std::int64_t>(guarded.rows_expected),
                 .sample_rate = program_.rate(),
                 .started = started_,

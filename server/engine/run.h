@@ -2,7 +2,8 @@
 //
 // Two threads. Acquisition feeds and drains the device and does nothing else; the writer scales, stores and
 // shows. A bounded queue of blocks lies between them. If the disk falls behind a real-time run so far that
-// the queue is full, the run stops safely; a run as fast as possible waits instead.
+// the queue is full, or the writer is with one block for 10 s, the run stops safely; a run as fast as
+// possible waits instead.
 #pragma once
 
 #include <chrono>
@@ -36,7 +37,7 @@ struct RunStatus {
   double progress = 0;
   std::optional<double> time_left{};  // s
   double duration = 0;                // s
-  std::int64_t rows = 0, rows_expected = 0;
+  std::int64_t rows = 0, rows_on_disk = 0, rows_expected = 0;
   double sample_rate = 0;  // Hz
   std::string started{}, ended{};
   bool output_at_zero = true;
@@ -55,6 +56,7 @@ void describe(Visitor& visit, RunStatus& s) {
   visit("time_left_s", s.time_left, {.unit = "s", .doc = "estimated, while it runs"});
   visit("duration_s", s.duration, {.unit = "s", .doc = "of the whole program, pauses so far included"});
   visit("rows", s.rows, {.min = 0});
+  visit("rows_on_disk", s.rows_on_disk, {.min = 0, .doc = "these survive a power cut"});
   visit("rows_expected", s.rows_expected, {.min = 0});
   visit("sample_rate_Hz", s.sample_rate, {.unit = "Hz"});
   visit("started", s.started, {.doc = "ISO 8601"});

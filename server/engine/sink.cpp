@@ -1,6 +1,11 @@
 #include "server/engine/sink.h"
 
+<<<<<<< HEAD
 #include <filesystem>
+=======
+#include <chrono>
+#include <limits>
+>>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 
 #include "recordings/iso_time.h"
 
@@ -8,15 +13,23 @@ namespace ferrobench::server {
 
 namespace {
 
-constexpr std::chrono::seconds flush_interval{1};  // what a crash may cost
-constexpr std::size_t gap_rows = 8192;             // written at a time
+constexpr std::chrono::milliseconds prompt{250};  // a disk that takes longer is noted
+constexpr std::chrono::seconds patience{10};      // one that takes longer still ends the run
+constexpr std::size_t gap_rows = 8192;            // written at a time
 
 }  // namespace
 
+<<<<<<< HEAD
 Sink::Sink(const std::string& path, const recordings::Header& header, daq::Scaling scaling, Hub& hub,
            std::string run)
     : scaling_(std::move(scaling)), hub_(hub), run_(run), live_(hub, std::move(run)), path_(path) {
   writer_.emplace(path, header, scaling_.channels(), scaling_.columns());
+=======
+Sink::Sink(const std::string& path, const recordings::Header& header,
+           std::vector<recordings::RawColumn> columns, double rate, Hub& hub, std::string run)
+    : columns_(std::move(columns)), rate_(rate), hub_(hub), run_(run), live_(hub, std::move(run)) {
+  writer_.emplace(path, header, channels_of(columns_), columns_);
+>>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 }
 
 template <class F>
@@ -45,10 +58,18 @@ void Sink::take(const daq::SampleBlock& block) {
     store(scaling_.rows(block));
   }
   for (const auto& event : block.events) add_event(event);
-  if (const auto now = std::chrono::steady_clock::now(); now - flushed_ > flush_interval) {
-    guarded([&] { writer_->flush(); });
-    flushed_ = now;
-  }
+  watch_disk();
+}
+
+void Sink::watch_disk() {
+  rows_on_disk_ = writer_->rows_on_disk();
+  const auto waiting = writer_->waiting();
+  if (waiting > patience && failure_.empty()) failure_ = "the disk does not answer";
+  if (waiting <= prompt || slow_) return;
+  slow_ = true;
+  add_event({static_cast<double>(rows_) / rate_, "slow_disk",
+             "the disk takes longer than 0.25 s to confirm what was written; a power cut now could cost more "
+             "than that, the end of the program could not"});
 }
 
 void Sink::add_event(const recordings::Event& event) {
@@ -64,14 +85,18 @@ bool Sink::finish(const std::string& status, const std::string& reason,
                   std::span<const recordings::SegmentRow> segments,
                   const std::array<std::optional<double>, 5>& noise) {
   live_.finish();
-  if (rows_ == 0) {
-    writer_.reset();
-    std::error_code ignored;
-    std::filesystem::remove(path_, ignored);
-    return false;
+  try {  // also after a failure: what was written before it is a recording
+    const auto written = writer_->rows();
+    if (rows_ == 0) {
+      writer_->discard();
+      return false;
+    }
+    writer_->finish(status, reason, segments, noise);
+    rows_on_disk_ = written;
+  } catch (const std::exception& error) {
+    if (failure_.empty()) failure_ = std::string("the recording's file cannot be made: ") + error.what();
   }
-  guarded([&] { writer_->finish(status, reason, segments, noise); });
-  return true;
+  return rows_ > 0;
 }
 
 }  // namespace ferrobench::server

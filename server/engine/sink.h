@@ -1,10 +1,11 @@
 // Where the blocks of a run end: scaled to SI, into the recording and to whoever watches.
 //
 // Rows that were lost on the way are written as NaN (raw counts as the lowest one), so that a row's number is
-// its time. After a failure to write, blocks are still shown and the failure is kept.
+// its time. After a failure to write, blocks are still shown and the failure is kept; so it is when the disk
+// has owed the confirmation of a write for 10 s.
 #pragma once
 
-#include <chrono>
+#include <atomic>
 #include <optional>
 #include <string>
 
@@ -28,22 +29,38 @@ class Sink {
               const std::array<std::optional<double>, 5>& noise);
 
   std::uint64_t rows() const { return rows_; }
-  const std::string& failure() const { return failure_; }  // "" if all went well
+  std::uint64_t rows_on_disk() const { return rows_on_disk_; }  // for any thread
+  const std::string& failure() const { return failure_; }       // "" if all went well
 
  private:
   template <class F>
   void guarded(F&& write);
   void fill_gap(std::uint64_t until);
+<<<<<<< HEAD
   void store(const recordings::Rows& rows);
+=======
+  void store();
+  void resize(std::size_t rows);
+  void watch_disk();
+>>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 
   daq::Scaling scaling_;
   Hub& hub_;
   std::string run_;
   LiveStream live_;
   std::optional<recordings::Writer> writer_;
-  std::string path_, failure_;
+  std::string failure_;
   std::uint64_t rows_ = 0;
+<<<<<<< HEAD
   std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
+=======
+  std::atomic<std::uint64_t> rows_on_disk_ = 0;
+  bool slow_ = false;
+
+  std::vector<double> time_;
+  std::array<std::vector<double>, 5> values_;
+  std::vector<std::int16_t> counts_;
+>>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 };
 
 }  // namespace ferrobench::server

@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "model/model.h"
+#include "recordings/recover.h"
 
 namespace ferrobench::server {
 
@@ -90,27 +91,36 @@ fs::path Store::new_recording(const std::string& given) const {
   if (stem.empty() || stem.front() == '.') stem = "run" + stem;
   const auto base = stem + "_" + utc_stamp();
   auto path = recordings() / (base + ".h5");
-  for (int i = 2; fs::exists(path); ++i) path = recordings() / (base + "-" + std::to_string(i) + ".h5");
+  for (int i = 2; is_taken(path); ++i) path = recordings() / (base + "-" + std::to_string(i) + ".h5");
   return path;
+}
+
+bool Store::is_taken(const fs::path& path) {
+  return fs::exists(path) ||
+         ferrobench::recordings::journal_state(path) != ferrobench::recordings::JournalState::none;
 }
 
 fs::path Store::recording(const std::string& name) const {
   check_name(name, "/recording");
   const auto path = recordings() / (without_suffix(name, ".h5") + ".h5");
   std::error_code failure;
-  if (!fs::is_regular_file(path, failure)) throw_not_found("recording", name, recording_names());
+  if (!fs::is_regular_file(ferrobench::recordings::present_file(path), failure))
+    throw_not_found("recording", name, recording_names());
   return path;
 }
 
 std::vector<std::string> Store::recording_names() const {
   std::vector<std::pair<fs::file_time_type, std::string>> found;
   std::error_code failure;
-  for (const auto& entry : fs::directory_iterator(recordings(), failure))
-    if (entry.path().extension() == ".h5" && entry.is_regular_file(failure))
-      found.emplace_back(entry.last_write_time(failure), entry.path().stem().string());
+  for (const auto& entry : fs::directory_iterator(recordings(), failure)) {
+    const auto file = without_suffix(entry.path().filename().string(), ".journal");
+    if (file.ends_with(".h5") && entry.is_regular_file(failure))
+      found.emplace_back(entry.last_write_time(failure), without_suffix(file, ".h5"));
+  }
   std::ranges::sort(found, std::greater{});
   std::vector<std::string> out;
-  for (auto& [time, name] : found) out.push_back(std::move(name));
+  for (auto& [time, name] : found)  // a file and its journal are one recording
+    if (std::ranges::find(out, name) == out.end()) out.push_back(std::move(name));
   return out;
 }
 

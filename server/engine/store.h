@@ -23,9 +23,10 @@ class Store {
   std::filesystem::path new_recording(const std::string& stem) const;
   // The file of a recording of this store by its name, with or without ".h5". Names come from outside: one
   // with anything but letters, digits and . _ - is Error(invalid_params). Error(not_found) with the nearest
-  // name.
+  // name. While a run goes on, or where one broke off, only the file's journal may be there.
   std::filesystem::path recording(const std::string& name) const;
-  std::vector<std::string> recording_names() const;  // newest first
+  static bool is_taken(const std::filesystem::path& path);  // by a recording or its journal
+  std::vector<std::string> recording_names() const;         // newest first
 
   // Shipped models and those put here, by name.
   std::vector<std::string> model_names() const;

@@ -4,6 +4,7 @@
 #include "recordings/difference.h"
 #include "recordings/export.h"
 #include "recordings/iso_time.h"
+#include "recordings/recover.h"
 #include "recordings/reports/report.h"
 #include "server/engine/live.h"
 #include "server/engine/text_table.h"
@@ -98,6 +99,32 @@ void describe(Visitor& visit, ImportParams& p) {
   visit("name", p.name, {.required = true, .doc = "of the new recording"});
   describe(visit, p.import);
 }
+struct RecoverParams {
+  std::string name{};
+};
+template <class Visitor>
+void describe(Visitor& visit, RecoverParams& p) {
+  visit("name", p.name, {.doc = "of a recording; \"\": every one whose run broke off"});
+}
+struct RecoveryRow {
+  std::string name{}, outcome{}, message{};
+  std::int64_t rows = 0;
+};
+template <class Visitor>
+void describe(Visitor& visit, RecoveryRow& r) {
+  visit("name", r.name, {.required = true});
+  visit("outcome", r.outcome,
+        {.required = true, .doc = "recovered, completed, already_whole, nothing, running or failed"});
+  visit("message", r.message, {.doc = "what was done"});
+  visit("rows", r.rows, {.min = 0, .doc = "that the recording has"});
+}
+struct RecoveryList {
+  std::vector<RecoveryRow> recordings{};
+};
+template <class Visitor>
+void describe(Visitor& visit, RecoveryList& l) {
+  visit("recordings", l.recordings, {.required = true});
+}
 struct Exported {
   std::string name{}, path{};
   std::int64_t bytes = 0;
@@ -118,7 +145,7 @@ std::string text_at(const json& object, const char* key) {
 RecordingRow row_of(const fs::path& path) {
   RecordingRow row{.name = path.stem().string()};
   std::error_code failure;
-  row.bytes = static_cast<std::int64_t>(fs::file_size(path, failure));
+  row.bytes = static_cast<std::int64_t>(fs::file_size(recordings::present_file(path.string()), failure));
   try {
     const auto s = recordings::read_summary(path.string());
     row.title = s.header.title;
@@ -178,12 +205,31 @@ json columns_of(const fs::path& path, const ReadParams& p) {
   return out;
 }
 
+// One that cannot be recovered keeps none of the others from it.
+RecoveryRow recover(const std::string& path) {
+  RecoveryRow row{.name = fs::path(path).stem().string()};
+  try {
+    const auto done = recordings::recover_recording(path);
+    row.outcome = recovered_name(done.outcome);
+    row.message = done.message;
+    row.rows = static_cast<std::int64_t>(done.rows);
+  } catch (const Error& error) {
+    row.outcome = "failed";
+    row.message = error.what();
+  }
+  return row;
+}
+
 // Rewriting needs a file that nobody else writes.
 fs::path at_rest(Engine& engine, const std::string& name) {
   const auto path = engine.store().recording(name);
-  if (engine.is_being_written(path))
+  const auto journal = recordings::journal_state(path.string());
+  if (engine.is_being_written(path) || journal == recordings::JournalState::being_written)
     throw Error(ErrorCode::busy, "this recording is being written",
                 Problem{.path = "/name", .given = name, .hint = "wait for the end of its run"});
+  if (journal == recordings::JournalState::left && !fs::exists(path))
+    throw Error(ErrorCode::bad_state, "the run of this recording broke off",
+                Problem{.path = "/name", .given = name, .hint = "recording.recover makes its file"});
   return path;
 }
 
@@ -207,7 +253,7 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
                         [&engine](const ImportParams& p) {
                           check_name(p.name, "/name");
                           const auto path = engine.store().recordings() / (p.name + ".h5");
-                          if (fs::exists(path))
+                          if (Store::is_taken(path))
                             throw Error(
                                 ErrorCode::busy, "a recording of this name is there already",
                                 Problem{.path = "/name", .given = p.name, .hint = "choose another name"});
@@ -223,12 +269,22 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
         recordings::write_recording(path.string(), recording);
         return row_of(path);
       });
+  rpc.add<RecoverParams>({.name = "recording.recover",
+                          .doc = "Makes the files of runs that broke off, as each start of the daemon does.",
+                          .role = Role::control},
+                         [&engine](const RecoverParams& p) {
+                           std::vector<std::string> paths;
+                           if (p.name.empty())
+                             paths = recordings::find_broken(engine.store().recordings().string());
+                           else
+                             paths.push_back(engine.store().recording(p.name).string());
+                           RecoveryList out;
+                           for (const auto& path : paths) out.recordings.push_back(recover(path));
+                           return out;
+                         });
   rpc.add<RecordingName>({.name = "recording.delete", .doc = "Deletes a recording.", .role = Role::control},
                          [&engine](const RecordingName& p) {
-                           std::error_code failure;
-                           if (!fs::remove(at_rest(engine, p.name), failure))
-                             throw Error(ErrorCode::io_error, "the recording cannot be deleted",
-                                         Problem{.message = failure.message(), .given = p.name});
+                           recordings::remove_recording(engine.store().recording(p.name).string());
                          });
 }
 

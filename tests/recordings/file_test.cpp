@@ -140,7 +140,8 @@ TEST(File, CanBeReadWhileItIsWrittenAndAfterItWasLeft) {
     rows.counts = {};
     writer.append(rows);
     writer.flush();
-    std::filesystem::copy_file(path, folder.file("crashed.h5"));  // what a crash now would leave
+    std::filesystem::copy_file(path + ".journal",
+                               folder.file("crashed.h5.journal"));  // what a crash would leave
     const auto half = read_recording(path);
     EXPECT_EQ(half.status, "running");
     EXPECT_EQ(half.size(), 10000u);

@@ -226,27 +226,6 @@ TEST(Damaged, CutFilesAreReadOrRefused) {
     EXPECT_FALSE(reads(folder.file("bad.h5"), good.substr(0, good.size() * i / 200))) << i;
 }
 
-TEST(Damaged, GrowingFilesAreReadOrRefused) {
-  const TemporaryFolder folder;
-  const auto r = small_recording();
-  {
-    Writer writer(folder.file("good.h5"), r.header, all_channels);
-    Rows rows{.time = r.time, .channels = {}, .counts = {}};
-    for (const auto channel : all_channels)
-      rows.channels.at(static_cast<std::size_t>(channel)) = r.at(channel);
-    writer.append(rows);
-    writer.add_event({0.5, "note", "here"});
-  }
-  const auto good = slurp(folder.file("good.h5"));
-  ASSERT_TRUE(reads(folder.file("same.h5"), good));
-  std::mt19937_64 random(2);
-  for (int i = 0; i < 400; ++i) {
-    auto bytes = good;
-    bytes[random() % bytes.size()] ^= static_cast<char>(1 << (random() % 8));
-    reads(folder.file("bad.h5"), bytes);
-  }
-}
-
 TEST(Damaged, OtherThingsAreNotRecordings) {
   const TemporaryFolder folder;
   EXPECT_FALSE(reads(folder.file("text.h5"), "time,field\n0,1\n"));

@@ -54,7 +54,8 @@ TEST_F(Cli, HelpNamesEveryOptionOfTheFixedForms) {
        {"RECORDING", "--table", "--calibrate", "--model", "--set", "--free", "--starts", "--seed", "--out"}},
       {{"call"}, {"METHOD", "JSON"}},
       {{"serve"}, {"--port", "--address", "--allow-remote", "--host", "--token-file"}},
-      {{"list"}, {"--format"}},
+      {{"list"}, {"--format", "recovered"}},
+      {{"recover"}, {"PATH", "recovered", "already_whole", "ferrobench recover creep.h5"}},
       {{"export"}, {"RECORDING", "--format", "--out"}},
       {{"protocol"}, {"list", "show", "schema", "validate", "preview"}},
       {{"protocol", "preview"}, {"PROTOCOL", "--model", "--set"}},
@@ -129,6 +130,38 @@ TEST_F(Cli, RunReportExportSimulate) {
   const auto s = recordings::read_recording(file("s.h5"));
   EXPECT_EQ(s.size(), a.size());
   EXPECT_EQ(s.header.load.prestress, 4e6);
+}
+
+TEST_F(Cli, RecoverMakesTheFilesOfRunsThatBrokeOff) {
+  auto said = run({"recover"});
+  EXPECT_EQ(said.code, exit_ok);
+  EXPECT_NE(said.err.find("nothing to recover"), std::string::npos) << said.err;
+
+  const auto recordings = folder.path / "recordings";
+  ASSERT_EQ(run({"run", protocol(), "--model", "soft-pzt", "--fast", "--out", file("a.h5")}).code, exit_ok);
+  const auto whole = recordings::read_recording(file("a.h5"));
+  {
+    recordings::Writer writer(recordings / "broken.h5", whole.header, recordings::all_channels);
+    recordings::Rows rows{.time = whole.time, .channels = {}, .counts = {}};
+    for (const auto channel : recordings::all_channels)
+      rows.channels.at(static_cast<std::size_t>(channel)) = whole.at(channel);
+    writer.append(rows);
+  }
+  std::ofstream(recordings / "other.h5.journal") << std::string(500, '?');
+  EXPECT_EQ(run({"report", "broken"}).code, exit_ok);  // of what there is
+  EXPECT_NE(run({"list"}).out.find("running"), std::string::npos);
+
+  said = run({"recover"});
+  EXPECT_EQ(said.code, exit_error);  // the other one
+  EXPECT_NE(said.out.find("recovered"), std::string::npos) << said.out;
+  EXPECT_NE(said.err.find("other.h5"), std::string::npos) << said.err;
+  EXPECT_EQ(recordings::read_recording(recordings / "broken.h5").at(recordings::Channel::charge),
+            whole.at(recordings::Channel::charge));
+  EXPECT_NE(run({"list"}).out.find("recovered"), std::string::npos);
+  said = run({"recover", "broken"});
+  EXPECT_EQ(said.code, exit_ok);
+  EXPECT_NE(said.out.find("already_whole"), std::string::npos) << said.out;
+  EXPECT_EQ(run({"recover", file("none.h5")}).code, exit_error);
 }
 
 TEST_F(Cli, RunsATableOfTimeAndLevel) {

@@ -2,6 +2,7 @@
 
 #include "engine_bench.h"
 #include "server/engine/simulation.h"
+#include "server/methods/methods.h"
 
 namespace ferrobench::server {
 namespace {
@@ -95,6 +96,40 @@ TEST_F(EngineTest, AbortIsASafeStop) {
   EXPECT_EQ(r.at(Channel::command).back(), 0);
   EXPECT_EQ(r.segments.back().label, "safe stop");
   EXPECT_EQ(code_of([&] { engine.abort("", "again"); }), ErrorCode::bad_state);
+}
+
+TEST_F(EngineTest, ARunCanBeReadWhileItGoesOn) {
+  engine.start(request(trapezium(0.4, 30), false));
+  await({RunState::running});
+  RunStatus status;
+  for (int i = 0; i < 400 && (status = engine.status()).rows_on_disk < 100; ++i) usleep(20'000);
+  EXPECT_GE(status.rows_on_disk, 100);
+  EXPECT_LE(status.rows_on_disk, status.rows);
+  const auto r = recordings::read_recording(status.path);
+  EXPECT_EQ(r.status, "running");
+  EXPECT_EQ(r.reason, "");
+  EXPECT_GE(r.size(), static_cast<std::size_t>(status.rows_on_disk));
+  EXPECT_EQ(engine.store().recording_names(), std::vector{status.recording});
+
+  Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  CallContext caller{.client = "test", .lease = "", .subscriber = nullptr};
+  EXPECT_GT(rpc.call("recording.read", {{"name", status.recording}}, caller).at("rows").get<int>(), 99);
+  const auto recovered = rpc.call("recording.recover", nlohmann::json::object(), caller).at("recordings");
+  ASSERT_EQ(recovered.size(), 1u);
+  EXPECT_EQ(recovered[0].at("outcome"), "running");
+  EXPECT_EQ(code_of([&] {
+              rpc.call("recording.delete", {{"name", status.recording}}, caller);
+            }),
+            ErrorCode::busy);
+  EXPECT_EQ(code_of([&] {
+              rpc.call("recording.annotate", {{"name", status.recording}, {"text", "x"}}, caller);
+            }),
+            ErrorCode::busy);
+  engine.abort("", "enough");
+  status = await({RunState::complete, RunState::aborted});
+  EXPECT_EQ(status.rows_on_disk, status.rows);
+  EXPECT_EQ(recordings::read_recording(status.path).size(), static_cast<std::size_t>(status.rows));
 }
 
 TEST_F(EngineTest, ShuttingDownStopsARunSafely) {
