@@ -1,11 +1,8 @@
 #include "daq/registry.h"
 
-<<<<<<< HEAD
+#include "daq/replay/replay_device.h"
 #include "daq/usb/config.h"
 #include "daq/usb/usb_device.h"
-=======
-#include "daq/replay/replay_device.h"
->>>>>>> 77797791bd0c96e34019837acb04552800a30903
 #include "daq/virtual/virtual_device.h"
 
 namespace ferrobench::daq {
@@ -16,17 +13,14 @@ std::span<const DeviceKind> device_kinds() {
                  .description = "a specimen, amplifier and sensors computed by a model",
                  .schema = [] { return json_schema<VirtualConfig>(); },
                  .open = VirtualDevice::open},
-<<<<<<< HEAD
       DeviceKind{.name = "usb",
                  .description = "a USB-1608GX-2AO with amplifier and sensors",
                  .schema = [] { return json_schema<usb::UsbConfig>(); },
                  .open = usb::UsbDevice::open},
-=======
       DeviceKind{.name = "replay",
                  .description = "a recording played again, as it was measured",
                  .schema = [] { return json_schema<ReplayConfig>(); },
                  .open = ReplayDevice::open},
->>>>>>> 77797791bd0c96e34019837acb04552800a30903
   };
   return kinds;
 }

@@ -18,6 +18,7 @@ class Scaling {
   // What a recording of this device has: the command and whatever is measured.
   std::span<const recordings::Channel> channels() const { return channels_; }
   std::span<const recordings::RawColumn> columns() const { return columns_; }
+  double rate() const { return rate_; }
 
   // The block's rows in SI. Valid until the next call and as long as the block.
   recordings::Rows rows(const SampleBlock& block);

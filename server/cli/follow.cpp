@@ -2,6 +2,7 @@
 #include <iostream>
 #include <thread>
 
+#include "recordings/recover.h"
 #include "server/cli/link.h"
 
 namespace ferrobench::cli {
@@ -10,12 +11,11 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 void demand_free(const std::string& file, bool replace) {
-  std::error_code failure;
-  if (file.empty() || !fs::exists(file, failure)) return;
+  if (file.empty() || !server::Store::is_taken(file)) return;
   if (!replace)
     throw Error(ErrorCode::io_error, "the file is there already",
                 Problem{.path = "/out", .given = file, .hint = "choose another name, or add --force"});
-  fs::remove(file);
+  recordings::remove_recording(file);
 }
 
 json follow(json status, const std::function<json(const std::string&)>& ask,
@@ -63,7 +63,7 @@ json carry_out(Link& link, const json& params, const std::string& out, bool quie
       },
       quiet);
   const auto path = status.at("path").get<std::string>();
-  if (link.is_daemon() && !out.empty() && !path.empty()) {
+  if (link.is_daemon() && !out.empty() && fs::exists(path)) {
     fs::copy_file(path, out);
     status["path"] = out;
   }

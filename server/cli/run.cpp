@@ -1,10 +1,6 @@
 #include <iostream>
 
-<<<<<<< HEAD
 #include "daq/usb/config.h"
-=======
-#include "recordings/recover.h"
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 #include "server/cli/link.h"
 
 namespace ferrobench::cli {
@@ -21,40 +17,6 @@ struct RunOptions {
   std::vector<std::string> set{};
 };
 
-<<<<<<< HEAD
-=======
-void demand_free(const RunOptions& o) {
-  if (o.out.empty() || !server::Store::is_taken(o.out)) return;
-  if (!o.force)
-    throw Error(ErrorCode::io_error, "the file is there already",
-                Problem{.path = "/out", .given = o.out, .hint = "choose another name, or add --force"});
-  recordings::remove_recording(o.out);
-}
-
-// Until the run is over; an interrupt asks for a safe stop.
-json follow(Link& link, json status, bool quiet) {
-  ProgressLine line;
-  int told = 0;
-  const auto state = [&] { return status.at("state").get<std::string>(); };
-  const std::string id = status.at("run");
-  for (int pause = 5; state() != "complete" && state() != "aborted"; pause = std::min(2 * pause, 200)) {
-    if (Interrupt::count() > told) {
-      line.finish();
-      std::cerr << (told == 0 ? "interrupted: a safe stop, the output ramps to zero\n"
-                              : "the output is on its way to zero; this takes until it is there\n");
-      if (told == 0) link.call("run.abort", {{"run", id}, {"reason", "interrupted at the command line"}});
-      told = Interrupt::count();
-    }
-    if (!quiet) line.show(state(), status.at("progress"), status.value("time_left_s", -1.0));
-    std::this_thread::sleep_for(std::chrono::milliseconds(pause));
-    status = link.call("run.status", {{"run", id}});
-  }
-  line.finish();
-  status["interrupted"] = told > 0;
-  return status;
-}
-
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 int run(const RunOptions& o, const Common& common) {
   demand_free(o.out, o.force);
   const Interrupt interrupt;
@@ -64,39 +26,12 @@ int run(const RunOptions& o, const Common& common) {
               {"seed", o.seed},
               {"set", set_argument(o.set)},
               {"notes", o.notes}};
-<<<<<<< HEAD
-  if (!o.config.empty()) params["config"] = daq::usb::load_json(o.config);
-=======
   if (!o.protocol.empty()) params["protocol"] = protocol_argument(o.protocol);
->>>>>>> 77797791bd0c96e34019837acb04552800a30903
+  if (!o.config.empty()) params["config"] = daq::usb::load_json(o.config);
   if (const auto model = model_argument(o.model); !model.is_null()) params["model"] = model;
-<<<<<<< HEAD
   const auto status = carry_out(link, params, o.out, o.quiet, common);
   const auto path = status.at("path").get<std::string>();
   const int code = tell_end(status);
-=======
-  json started;
-  if (link.is_daemon() || o.out.empty()) {
-    started = link.call("run.start", params);
-  } else {
-    server::RunRequest request;
-    std::vector<Problem> problems;
-    read_json(params, request, "", problems);
-    started = write_json(link.engine().start(request, o.out));
-  }
-  const auto status = follow(link, started, o.quiet);
-  auto path = status.at("path").get<std::string>();
-  // The daemon records in its own folder; the file asked for is a copy.
-  if (link.is_daemon() && !o.out.empty() && fs::exists(path)) {
-    fs::copy_file(path, o.out);
-    path = o.out;
-  }
-  const bool complete = status.at("state") == "complete";
-  if (!complete)
-    std::cerr << "ferrobench: the run was aborted: " << status.at("reason").get<std::string>() << '\n';
-  if (!status.at("output_at_zero").get<bool>())
-    std::cerr << "ferrobench: the device did not obey, its output may not be at zero\n";
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
   if (!path.empty()) std::cout << path << '\n';
   return code;
 }
@@ -109,14 +44,10 @@ void add_run(CLI::App& app, Common& common) {
   sub->add_option("PROTOCOL", o->protocol,
                   "name of a shipped protocol, or a file (.json, or .csv of time in s and kV/mm)")
       ->required();
-<<<<<<< HEAD
-  sub->add_option("--device", o->device, "kind of device, or one opened before")->capture_default_str();
-  sub->add_option("--device-config", o->config, "what the device is and what is wired to it")
-      ->type_name("FILE.json");
-=======
   sub->add_option("--device", o->device, "kind of device, one opened before, or replay:RECORDING")
       ->capture_default_str();
->>>>>>> 77797791bd0c96e34019837acb04552800a30903
+  sub->add_option("--device-config", o->config, "what the device is and what is wired to it")
+      ->type_name("FILE.json");
   sub->add_option("--model", o->model, "virtual device: model by name or file");
   sub->add_flag("--fast", o->fast, "virtual device and replay: as fast as it can go");
   sub->add_option("--seed", o->seed, "virtual device: of the noise; same seed, same signals")

@@ -30,17 +30,12 @@ struct RunRequest {
 };
 template <class Visitor>
 void describe(Visitor& visit, RunRequest& r) {
-<<<<<<< HEAD
-  visit("protocol", r.protocol, {.required = true, .doc = "name of a shipped protocol, or a protocol"});
-  visit("device", r.device, {.doc = "a kind of device (opened for this run alone), or one opened before"});
-  visit("config", r.config, {.doc = "of a device that is opened for this run, as device.list describes it"});
-=======
   visit("protocol", r.protocol,
         {.doc = "name of a shipped protocol, or a protocol; none for a replay, which has its own"});
   visit("device", r.device,
         {.doc = "a kind of device (opened for this run alone), one opened before, or \"replay:NAME\" of a "
                 "recording"});
->>>>>>> 77797791bd0c96e34019837acb04552800a30903
+  visit("config", r.config, {.doc = "of a device that is opened for this run, as device.list describes it"});
   visit("model", r.model, {.doc = "name of a model, or a model; for the virtual device"});
   visit("fast", r.fast, {.doc = "virtual device and replay: as fast as it can go, not in real time"});
   visit("seed", r.seed, {.min = 0, .doc = "virtual device: of the noise; same seed, same bytes"});

@@ -21,33 +21,16 @@ constexpr std::size_t queue_blocks = 256;  // of 0.1 s each in real time
 constexpr std::chrono::milliseconds status_interval{200};
 constexpr std::chrono::seconds patience{10};  // with a writer that hangs
 
-<<<<<<< HEAD
-recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
-  recordings::Header header{.title = setup.plan.protocol.title(),
-                            .start_time = recordings::iso_now(),
-                            .entry_identifier = to_string(boost::uuids::random_generator()()),
-                            .run_seed = std::nullopt,
-                            .protocol = setup.plan.protocol.json(),
-                            .model = device.model(),
-                            .device = device.info(),
-                            .specimen = {},
-                            .load = {}};
-  header.device["sample_rate_asked"] = setup.plan.sample_rate;
-  header.device["sample_rate"] = rate;
-  if (header.device.contains("seed")) header.run_seed = header.device["seed"].get<std::int64_t>();
-  if (header.model.is_null()) {
-    header.specimen = device.specimen().value_or(recordings::Specimen{});
-    header.load = device.load();
-    return header;
-  }
-=======
 recordings::Header measured_header(const RunSetup& setup, const daq::Device& device) {
   recordings::Header header;
   header.title = setup.plan.protocol.title();
   header.protocol = setup.plan.protocol.json();
   header.model = device.model();
-  if (header.model.is_null()) return header;
->>>>>>> 77797791bd0c96e34019837acb04552800a30903
+  if (header.model.is_null()) {
+    header.specimen = device.specimen().value_or(recordings::Specimen{});
+    header.load = device.load();
+    return header;
+  }
   const auto model = model::model_from_json(header.model);
   const auto& a = model.actuator;
   header.specimen = {model.name, a.length, a.area, a.layer_thickness, a.layer_count};

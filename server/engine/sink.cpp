@@ -1,11 +1,6 @@
 #include "server/engine/sink.h"
 
-<<<<<<< HEAD
-#include <filesystem>
-=======
 #include <chrono>
-#include <limits>
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 
 #include "recordings/iso_time.h"
 
@@ -19,17 +14,10 @@ constexpr std::size_t gap_rows = 8192;            // written at a time
 
 }  // namespace
 
-<<<<<<< HEAD
 Sink::Sink(const std::string& path, const recordings::Header& header, daq::Scaling scaling, Hub& hub,
            std::string run)
-    : scaling_(std::move(scaling)), hub_(hub), run_(run), live_(hub, std::move(run)), path_(path) {
+    : scaling_(std::move(scaling)), hub_(hub), run_(run), live_(hub, std::move(run)) {
   writer_.emplace(path, header, scaling_.channels(), scaling_.columns());
-=======
-Sink::Sink(const std::string& path, const recordings::Header& header,
-           std::vector<recordings::RawColumn> columns, double rate, Hub& hub, std::string run)
-    : columns_(std::move(columns)), rate_(rate), hub_(hub), run_(run), live_(hub, std::move(run)) {
-  writer_.emplace(path, header, channels_of(columns_), columns_);
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 }
 
 template <class F>
@@ -67,7 +55,7 @@ void Sink::watch_disk() {
   if (waiting > patience && failure_.empty()) failure_ = "the disk does not answer";
   if (waiting <= prompt || slow_) return;
   slow_ = true;
-  add_event({static_cast<double>(rows_) / rate_, "slow_disk",
+  add_event({static_cast<double>(rows_) / scaling_.rate(), "slow_disk",
              "the disk takes longer than 0.25 s to confirm what was written; a power cut now could cost more "
              "than that, the end of the program could not"});
 }

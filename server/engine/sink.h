@@ -36,13 +36,8 @@ class Sink {
   template <class F>
   void guarded(F&& write);
   void fill_gap(std::uint64_t until);
-<<<<<<< HEAD
   void store(const recordings::Rows& rows);
-=======
-  void store();
-  void resize(std::size_t rows);
   void watch_disk();
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 
   daq::Scaling scaling_;
   Hub& hub_;
@@ -51,16 +46,8 @@ class Sink {
   std::optional<recordings::Writer> writer_;
   std::string failure_;
   std::uint64_t rows_ = 0;
-<<<<<<< HEAD
-  std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
-=======
   std::atomic<std::uint64_t> rows_on_disk_ = 0;
   bool slow_ = false;
-
-  std::vector<double> time_;
-  std::array<std::vector<double>, 5> values_;
-  std::vector<std::int16_t> counts_;
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
 };
 
 }  // namespace ferrobench::server

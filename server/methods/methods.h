@@ -7,12 +7,8 @@
 // | limits    | get set                                                          |
 // | protocol  | list get schema validate preview                                 |
 // | run       | start status pause resume abort list                             |
-<<<<<<< HEAD
 // | replay    | start                                                            |
-// | recording | list info read report compare export import annotate delete     |
-=======
-// | recording | list info read report export import annotate recover delete     |
->>>>>>> b28d997282fe5b5fee103f2c6df1b4d4281cbe06
+// | recording | list info read report compare export import annotate recover delete |
 // | model     | list get put schema simulate fit                                 |
 // | discrepancy | start status result                                            |
 // | job       | status cancel                                                    |
