@@ -66,8 +66,9 @@ Report make_report(const Recording& r) {
            "prestress " + number_text(h.load.prestress / pascal_in_mpa) + " MPa, spring " +
                number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/um");
   add_fact(report, "identifier", h.entry_identifier);
-  for (auto& table :
-       {stroke_table(r), hysteresis_table(r), rate_table(r), minor_loop_table(r), creep_table(r)})
+  const Analysis analysis(r);
+  for (auto& table : {stroke_table(analysis), hysteresis_table(analysis), rate_table(analysis),
+                      minor_loop_table(analysis), creep_table(r)})
     if (table) report.tables.push_back(*table);
   if (!r.events.empty()) report.tables.push_back(event_table(r));
   return report;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "recordings/recording.h"
+#include "recordings/reports/analysis.h"
 #include "recordings/reports/table.h"
 
 namespace ferrobench::recordings {
@@ -24,11 +25,11 @@ Report make_report(const Recording& recording);
 // HTML draws its pictures with gnuplot; without it the page says so in their place.
 std::string render(const Report& report, const Recording& recording, Format format);
 
-// The tables one by one.
-std::optional<Table> stroke_table(const Recording& recording);
-std::optional<Table> hysteresis_table(const Recording& recording);
+// The tables one by one, of a recording or of what is known of it already.
+std::optional<Table> stroke_table(const Analysis& analysis);
+std::optional<Table> hysteresis_table(const Analysis& analysis);
 std::optional<Table> creep_table(const Recording& recording);
-std::optional<Table> rate_table(const Recording& recording);
-std::optional<Table> minor_loop_table(const Recording& recording);
+std::optional<Table> rate_table(const Analysis& analysis);
+std::optional<Table> minor_loop_table(const Analysis& analysis);
 
 }  // namespace ferrobench::recordings

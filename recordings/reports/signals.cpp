@@ -39,11 +39,44 @@ double parabola_at(std::span<const double> y, std::size_t first, std::size_t las
          determinant;
 }
 
+// The same parabola where the samples around all count: then its value is their sum with weights that are the
+// same everywhere, w(x) = (s4 - s2 x^2) / (s0 s4 - s2^2) with sn = sum of x^n over x = -half..half. Stretch
+// by stretch, so that what is worked on stays near.
+void parabolas_at(const std::vector<double>& y, std::size_t from, std::size_t to, std::size_t half,
+                  std::vector<double>& out) {
+  double s0 = 1, s2 = 0, s4 = 0;
+  for (std::size_t k = 1; k <= half; ++k) {
+    const auto x2 = static_cast<double>(k * k);
+    s0 += 2, s2 += 2 * x2, s4 += 2 * x2 * x2;
+  }
+  constexpr std::size_t stretch = 1024;
+  std::array<double, stretch> sum{};
+  for (std::size_t first = from; first < to; first += stretch) {
+    const std::size_t count = std::min(stretch, to - first);
+    const double* at = y.data() + first;
+    for (std::size_t i = 0; i < count; ++i) sum[i] = s4 * at[i];
+    for (std::size_t k = 1; k <= half; ++k) {
+      const double weight = s4 - s2 * static_cast<double>(k * k);
+      const double *before = at - k, *after = at + k;
+      for (std::size_t i = 0; i < count; ++i) sum[i] += weight * (before[i] + after[i]);
+    }
+    for (std::size_t i = 0; i < count; ++i) out[first + i] = sum[i] / (s0 * s4 - s2 * s2);
+  }
+}
+
 void smooth_leg(const std::vector<double>& y, std::size_t first, std::size_t last, std::vector<double>& out) {
   const std::size_t half = std::min<std::size_t>((last - first) / 40, 50);
   if (half < 2) return;
-  for (std::size_t i = first; i <= last; ++i)
+  // Near the ends of the leg, and around gaps, fewer samples count.
+  const auto by_itself = [&](std::size_t i) {
     out[i] = parabola_at(y, i > first + half ? i - half : first, std::min(last, i + half), i);
+  };
+  const std::size_t from = first + half, to = last - half + 1;
+  for (std::size_t i = first; i < from; ++i) by_itself(i);
+  parabolas_at(y, from, to, half, out);
+  for (std::size_t i = from; i < to; ++i)
+    if (std::isnan(out[i])) by_itself(i);
+  for (std::size_t i = to; i <= last; ++i) by_itself(i);
 }
 
 }  // namespace

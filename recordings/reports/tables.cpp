@@ -43,7 +43,8 @@ Column rate_column() {
 
 }  // namespace
 
-std::optional<Table> stroke_table(const Recording& r) {
+std::optional<Table> stroke_table(const Analysis& analysis) {
+  const auto& r = analysis.recording;
   if (!has_program(r) || !r.has(Channel::displacement)) return std::nullopt;
   Table table{.key = "stroke",
               .title = "Stroke per cycle and overall",
@@ -57,7 +58,7 @@ std::optional<Table> stroke_table(const Recording& r) {
                           {"force_span_N", "force range", "N"}},
               .rows = {},
               .notes = {"Stroke: largest minus smallest displacement."}};
-  const LoopMeter meter(r);
+  const auto& meter = analysis.meter();
   const auto add = [&](Cell name, const Cycle& cycle) {
     const auto m = meter.measure(cycle);
     const auto strain = m.stroke ? std::optional(*m.stroke / r.header.specimen.length * 100) : std::nullopt;
@@ -65,7 +66,7 @@ std::optional<Table> stroke_table(const Recording& r) {
                           in_kv_per_mm(cycle.high), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
                           in_um(m.stroke), cell(strain), cell(m.force_span)});
   };
-  const auto cycles = find_cycles(r);
+  const auto& cycles = analysis.cycles();
   for (std::size_t i = 0; i < cycles.size(); ++i) add(std::to_string(i + 1), cycles[i]);
   const auto range = extremes(field_of(r));
   if (range) add("overall", {0, r.size() - 1, range->low, range->high, 0, {}});
@@ -73,9 +74,10 @@ std::optional<Table> stroke_table(const Recording& r) {
   return table;
 }
 
-std::optional<Table> hysteresis_table(const Recording& r) {
+std::optional<Table> hysteresis_table(const Analysis& analysis) {
+  const auto& r = analysis.recording;
   if (!has_program(r) || (!r.has(Channel::displacement) && !r.has(Channel::charge))) return std::nullopt;
-  const auto cycles = find_cycles(r);
+  const auto& cycles = analysis.cycles();
   if (cycles.empty()) return std::nullopt;
   Table table{
       .key = "hysteresis",
@@ -94,7 +96,7 @@ std::optional<Table> hysteresis_table(const Recording& r) {
       .notes = {
           "Width: between the first and the last passing of half stroke. Energy: the closed integral of E "
           "dP, with P = Q/(n A)."}};
-  const LoopMeter meter(r);
+  const auto& meter = analysis.meter();
   for (std::size_t i = 0; i < cycles.size(); ++i) {
     const auto& cycle = cycles[i];
     const auto m = meter.measure(cycle);
@@ -165,9 +167,10 @@ std::optional<Table> creep_table(const Recording& r) {
   return table;
 }
 
-std::optional<Table> rate_table(const Recording& r) {
+std::optional<Table> rate_table(const Analysis& analysis) {
+  const auto& r = analysis.recording;
   if (!has_program(r) || !r.has(Channel::displacement)) return std::nullopt;
-  std::vector<Cycle> cycles = find_cycles(r);
+  auto cycles = analysis.cycles();
   std::erase_if(cycles, [](const Cycle& c) { return !(c.rate > 0); });
   std::ranges::stable_sort(cycles, {}, &Cycle::rate);
   if (cycles.empty() || cycles.back().rate < 1.01 * cycles.front().rate) return std::nullopt;
@@ -181,7 +184,7 @@ std::optional<Table> rate_table(const Recording& r) {
                           {"energy_J_per_m3", "mean energy", "J/m^3"}},
               .rows = {},
               .notes = {"Rates within 1 % of each other count as one."}};
-  const LoopMeter meter(r);
+  const auto& meter = analysis.meter();
   for (std::size_t first = 0; first < cycles.size();) {
     std::size_t next = first;
     double stroke = 0, area = 0, energy = 0;
@@ -201,7 +204,8 @@ std::optional<Table> rate_table(const Recording& r) {
   return table;
 }
 
-std::optional<Table> minor_loop_table(const Recording& r) {
+std::optional<Table> minor_loop_table(const Analysis& analysis) {
+  const auto& r = analysis.recording;
   if (!has_program(r) || !r.has(Channel::displacement)) return std::nullopt;
   const auto turns = turning_points(r);
   if (turns.size() < 4) return std::nullopt;
@@ -218,7 +222,7 @@ std::optional<Table> minor_loop_table(const Recording& r) {
               .notes = {"Stroke and area of the closed part: from the nearer of the two neighbouring turning "
                         "points to this "
                         "one and back to the same field."}};
-  const LoopMeter meter(r);
+  const auto& meter = analysis.meter();
   const auto& field = field_of(r);
   for (std::size_t k = 1; k + 1 < turns.size(); ++k) {
     const auto &before = turns[k - 1], &here = turns[k], &after = turns[k + 1];

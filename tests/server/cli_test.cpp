@@ -43,7 +43,12 @@ TEST_F(Cli, HelpNamesEveryOptionOfTheFixedForms) {
   const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> wanted{
       {{},
        {"--data", "--socket", "--version", "serve", "run", "list", "report", "table", "simulate", "fit",
-        "protocol", "model", "call", "export", "Exit codes"}},
+        "protocol", "model", "call", "export", "replay", "rerun", "compare", "Exit codes"}},
+      {{"replay"},
+       {"RECORDING", "--verify", "--speed", "--fast", "--from", "--to", "--set", "--played", "--model",
+        "--out", "--force", "--format", "--quiet", "Example"}},
+      {{"rerun"}, {"RECORDING", "--device", "--out", "--force", "--notes", "--quiet", "Example"}},
+      {{"compare"}, {"A", "B", "--format", "Exit code 1", "Example"}},
       {{"run"},
        {"PROTOCOL", "--device", "--model", "--fast", "--seed", "--out", "FILE.h5", "--set", "KEY=VALUE",
         "--force", "--notes", "--quiet", "Ctrl-C"}},
@@ -202,6 +207,46 @@ TEST_F(Cli, FitFindsAParameterAgain) {
   const auto fitted = nlohmann::json::parse(std::ifstream(file("fitted.json")));
   EXPECT_NEAR(fitted["material"]["barrier"].get<double>(), 4.6e4, 0.01 * 4.6e4);
   EXPECT_EQ(run({"fit", "--model", "soft-pzt", "--out", file("f.json")}).code, exit_error);
+}
+
+TEST_F(Cli, ReplayRerunCompare) {
+  const auto a = file("a.h5"), b = file("b.h5"), c = file("c.h5");
+  ASSERT_EQ(run({"run", protocol(), "--model", "soft-pzt", "--fast", "--out", a}).code, exit_ok);
+  auto said = run({"replay", a, "--verify"});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_NE(said.out.find("identical: 181 samples, 3 segments"), std::string::npos) << said.out;
+  // The same report, but for the lines that name the run.
+  said = run({"replay", a, "--fast"});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_NE(said.out.find("Stroke"), std::string::npos) << said.out;
+  said = run({"run", "--device", "replay:" + a, "--fast", "--out", b});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  said = run({"compare", a, b});
+  EXPECT_EQ(said.code, exit_ok) << said.out;
+  EXPECT_NE(said.out.find("The samples are identical"), std::string::npos) << said.out;
+  EXPECT_NE(said.out.find("/entry_identifier"), std::string::npos) << said.out;
+
+  auto damaged = recordings::read_recording(a);
+  damaged.channels[4]->at(17) += 1;
+  recordings::write_recording(b, damaged);
+  said = run({"replay", b, "--verify"});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NE(said.out.find("/entry/data/force, row 17: "), std::string::npos) << said.out;
+  said = run({"compare", a, b, "--format", "json"});
+  EXPECT_EQ(said.code, exit_error);
+  EXPECT_NEAR(nlohmann::json::parse(said.out)["columns"][5]["maximum"].get<double>(), 1, 1e-9);
+
+  said = run({"rerun", a, "--out", c});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_EQ(recordings::read_recording(c).header.device["rerun_of"],
+            recordings::read_recording(a).header.entry_identifier);
+  said = run({"replay", a, "--model", "soft-pzt", "--from", "0.1"});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_NE(said.out.find("displacement"), std::string::npos) << said.out;
+  EXPECT_EQ(run({"replay", a, "--verify", "--set", "force.gain=2"}).code, exit_error);
+  EXPECT_EQ(run({"replay", a, "--fast", "--out", a, "--force"}).code, exit_error);
+  EXPECT_TRUE(std::filesystem::exists(a));
+  EXPECT_EQ(run({"replay", a, "--from", "99"}).code, exit_error);
 }
 
 TEST_F(Cli, LibraryAndSchemas) {
