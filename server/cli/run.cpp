@@ -42,8 +42,8 @@ void add_run(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("run", "Run a protocol on a device; prints the recording's file");
   auto o = std::make_shared<RunOptions>();
   sub->add_option("PROTOCOL", o->protocol,
-                  "name of a shipped protocol, or a file (.json, or .csv of time in s and kV/mm)")
-      ->required();
+                  "name of a shipped protocol, or a file (.json, or .csv of time in s and kV/mm); "
+                  "none for a replay");
   sub->add_option("--device", o->device, "kind of device, one opened before, or replay:RECORDING")
       ->capture_default_str();
   sub->add_option("--device-config", o->config, "what the device is and what is wired to it")
@@ -72,7 +72,7 @@ void add_run(CLI::App& app, Common& common) {
       "  ferrobench run stage-full-range --model mcl-op30 --set model.material.barrier=5e4\n"
       "  ferrobench run --device replay:creep.h5 --fast --out again.h5");
   sub->callback([o, &common] {
-    if (o->protocol.empty() && o->device == "virtual") throw CLI::RequiredError("PROTOCOL");
+    if (o->protocol.empty() && !o->device.starts_with("replay:")) throw CLI::RequiredError("PROTOCOL");
     common.action = [o, &common] { return run(*o, common); };
   });
 }
