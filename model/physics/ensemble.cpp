@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "model/physics/sleepers.h"
 
 namespace ferrobench::model {
 namespace {
@@ -44,8 +45,8 @@ Ensemble::Ensemble(const Domains& given, const KineticConstants& constants, doub
     }
   for (auto* column : {&then_plus_, &then_minus_, &outflow_falling_, &outflow_rising_})
     column->assign(padded, 0.0);
-  bounds_.resize(size_);
-  sleepy_.resize(size_);
+  for (auto& column : bounds_) column.assign(padded, 0.0);
+  found_.resize(size_);
 }
 
 DomainColumns Ensemble::domains(std::size_t first) const {
@@ -61,7 +62,6 @@ void Ensemble::start(const Loads& at) {
   time_ = stress_path_ = 0;
   awake_ = size_;
   asleep_plus_ = asleep_minus_ = 0;
-  tightest_ = boundless();
   evaluate_rates(constants_, domains(), size_, at_, now_.columns());
   means_ = {};
   double plus_rate = 0;
@@ -73,18 +73,6 @@ void Ensemble::start(const Loads& at) {
     outflow_rising_[i] = 0;
   }
   put_to_sleep(0);
-}
-
-Ensemble::Bounds Ensemble::boundless() {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  return {-infinity, infinity, infinity, infinity};
-}
-
-void Ensemble::tighten(Bounds& bounds, const Bounds& by) {
-  bounds.low_field = std::max(bounds.low_field, by.low_field);
-  bounds.high_field = std::min(bounds.high_field, by.high_field);
-  bounds.stress_path = std::min(bounds.stress_path, by.stress_path);
-  bounds.time = std::min(bounds.time, by.time);
 }
 
 // |d dg/dF| <= 1, with |dF/dE| and |dF/dsigma| at their largest.
@@ -105,28 +93,18 @@ void Ensemble::swap_rows(std::size_t i, std::size_t j) {
 }
 
 void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
-  // Without shortcuts: which of the four is broken cannot be foreseen.
-  const auto within = [&](const Bounds& b) {
-    return static_cast<bool>(
-        static_cast<int>(to.field > b.low_field) & static_cast<int>(to.field < b.high_field) &
-        static_cast<int>(stress_path_end < b.stress_path) & static_cast<int>(time_end < b.time));
-  };
-  if (within(tightest_)) return;
   const std::size_t first = awake_;
-  Bounds tightest = boundless();
-  for (std::size_t i = awake_; i < size_; ++i) {
-    if (within(bounds_[i])) {
-      tighten(tightest, bounds_[i]);
-      continue;
-    }
+  const std::size_t found = find_due({bounds_[lowest_field].data(), bounds_[highest_field].data(),
+                                      bounds_[longest_stress_path].data(), bounds_[latest_time].data()},
+                                     first, size_, {to.field, stress_path_end, time_end}, found_.data());
+  for (std::size_t n = 0; n < found; ++n, ++awake_) {
+    const std::size_t i = found_[n];
     asleep_plus_ -= columns_[weight][i] * columns_[plus][i];
     asleep_minus_ -= columns_[weight][i] * columns_[minus][i];
     swap_rows(i, awake_);
-    bounds_[i] = bounds_[awake_];
-    ++awake_;
+    for (auto& column : bounds_) column[i] = column[awake_];
   }
-  tightest_ = tightest;
-  if (awake_ > first) evaluate_rates(constants_, domains(first), awake_ - first, at_, now_.columns(first));
+  if (found > 0) evaluate_rates(constants_, domains(first), found, at_, now_.columns(first));
 }
 
 // A domain may sleep if its outflow could not move `negligible` within e^1.5 steps like the last, nor will in
@@ -141,31 +119,19 @@ void Ensemble::put_to_sleep(double field_step) {
   // Outflows from which on the next step would already wake the domain: known before any logarithm is taken.
   const double most_falling = negligible_ / span * std::exp((next_low - at_.field) / field_share),
                most_rising = negligible_ / span * std::exp((at_.field - next_high) / field_share);
-  const double most = std::min(most_falling, most_rising);
-  // Found first and without a branch: which they are cannot be foreseen.
-  std::size_t found = 0;
-  for (std::size_t i = 0; i < awake_; ++i) {
-    const double falling = outflow_falling_[i], rising = outflow_rising_[i], all = falling + rising;
-    const int few = s.ordered
-                        ? static_cast<int>(falling < most_falling) & static_cast<int>(rising < most_rising)
-                        : static_cast<int>(all < most);
-    sleepy_[found] = i;
-    found += static_cast<std::size_t>(static_cast<int>(all <= limit) & few);
-  }
+  const double most = s.ordered ? limit : std::min({limit, most_falling, most_rising});
+  std::size_t found = find_quiet(outflow_falling_.data(), outflow_rising_.data(), awake_,
+                                 {most_falling, most_rising, most}, found_.data());
   // How many times larger the outflow may become, at most as far as the logarithm below may go.
   const auto growth = [&](double outflow) {
     return outflow > 0 ? std::min(largest_growth, negligible_ / (outflow * span)) : largest_growth;
   };
-  Bounds tightest = tightest_;
   while (found-- > 0) {
-    const std::size_t i = sleepy_[found];
+    const std::size_t i = found_[found];
     double falling = outflow_falling_[i], rising = outflow_rising_[i];
     if (!s.ordered) falling = rising = falling + rising;
     const double growth_falling = growth(falling), growth_rising = growth(rising);
     const double margin_falling = std::log(growth_falling), margin_rising = std::log(growth_rising);
-    const Bounds bounds{at_.field - field_share * margin_falling, at_.field + field_share * margin_rising,
-                        stress_path_ + stress_share * std::min(margin_falling, margin_rising),
-                        time_ + proposed_h_ * std::sqrt(std::sqrt(std::min(growth_falling, growth_rising)))};
     const std::size_t last = --awake_;
     asleep_plus_ += columns_[weight][i] * columns_[plus][i];
     asleep_minus_ += columns_[weight][i] * columns_[minus][i];
@@ -176,10 +142,13 @@ void Ensemble::put_to_sleep(double field_step) {
         now_.rate[j][i] = now_.rate[j][last];
       }
     }
-    bounds_[last] = bounds;
-    tighten(tightest, bounds);
+    bounds_[lowest_field][last] = at_.field - field_share * margin_falling;
+    bounds_[highest_field][last] = at_.field + field_share * margin_rising;
+    bounds_[longest_stress_path][last] =
+        stress_path_ + stress_share * std::min(margin_falling, margin_rising);
+    bounds_[latest_time][last] =
+        time_ + proposed_h_ * std::sqrt(std::sqrt(std::min(growth_falling, growth_rising)));
   }
-  tightest_ = tightest;
 }
 
 const Means& Ensemble::propose(double h, const Loads& at, const Loads& bend) {

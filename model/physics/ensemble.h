@@ -51,15 +51,9 @@ class Ensemble final : public Kinetics {
   std::size_t size_;
   std::size_t awake_ = 0;  // the first rows are awake, the others asleep
   std::array<std::vector<double>, column_count> columns_;
-  // Bounds of each sleeper, and the tightest of all.
-  struct Bounds {
-    double low_field = 0, high_field = 0, stress_path = 0, time = 0;
-  };
-  static Bounds boundless();
-  static void tighten(Bounds& bounds, const Bounds& by);
-  std::vector<Bounds> bounds_;
-  std::vector<std::size_t> sleepy_;  // rows that put_to_sleep has found
-  Bounds tightest_;
+  enum Bound { lowest_field, highest_field, longest_stress_path, latest_time, bound_count };
+  std::array<std::vector<double>, bound_count> bounds_;  // of the sleepers
+  std::vector<std::size_t> found_;                       // rows that a search has found
   double asleep_plus_ = 0, asleep_minus_ = 0;
   Rates now_, then_;
   std::vector<double> then_plus_, then_minus_, outflow_falling_, outflow_rising_;
