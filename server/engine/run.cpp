@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::size_t queue_blocks = 256;  // of 0.1 s each in real time
 constexpr std::chrono::milliseconds status_interval{200};
-constexpr std::chrono::seconds patience{10};  // with a writer that hangs
+constexpr std::chrono::seconds writer_patience{10};  // with a writer that hangs
 
 recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
   recordings::Header header{.title = setup.plan.protocol.title(),
@@ -96,7 +96,7 @@ struct Run::Pipe {
   }
   bool writer_hangs() const {
     const auto since = taken.load();
-    return !wait_for_writer && since != Clock::time_point::max() && Clock::now() - since > patience;
+    return !wait_for_writer && since != Clock::time_point::max() && Clock::now() - since > writer_patience;
   }
 };
 
