@@ -110,7 +110,9 @@ TEST_P(Syscalls, AFailureIsReportedOrHasNoEffect) {
   }
   std::cout << kind << ": " << count << " calls; " << without_effect << " without effect, " << reported
             << " reported, " << recovered << " of them left to recovery\n";
-  if (!harmless) EXPECT_GT(reported, 0);
+  if (!harmless) {
+    EXPECT_GT(reported, 0);
+  }
 }
 using SlowDisk = Syscalls;
 
