@@ -60,10 +60,12 @@ inline Handle object(hid_t id) {
   return {id, H5Oclose};
 }
 
-// The library prints its errors unless told otherwise, thread by thread; and it would load filters from
-// whatever folder the environment names.
+// The library prints its errors unless told otherwise, thread by thread; it would load filters from whatever
+// folder the environment names; and at the program's end it would go once more through files whose closing
+// failed, and crash.
 inline void prepare_thread() {
   thread_local const bool done = [] {
+    H5dont_atexit();
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
     H5PLset_loading_state(0);
     return true;

@@ -100,6 +100,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
       search(misfit, fine, hypothesis,
              {.candidates = candidates,
               .seed = options.seed,
+              .small_against = 1e-4,
               .roughly_fitted =
                   [&](const Fit& f) {
                     misfit.allow_for_drives(f.hypothesis, f.z);

@@ -78,6 +78,8 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   const auto found = search(misfit, fine, hypothesis,
                             {.candidates = candidates_of(base, options.candidates),
                              .seed = options.seed,
+                             .small_against = 2.5e-3,
+                             .few = true,
                              .roughly_fitted = {},
                              .beyond_effects = {},
                              .tick = tick},

@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3,
                       most_rested = 3;
-constexpr double small_against = 1e-4;
 constexpr double astray = 1.2;          // sum of squares over their number
 constexpr double most_squares = 1.2;    // likewise: the noise's level is estimated to a few percent
 constexpr double far_from_enough = 10;  // times what may be left
@@ -171,6 +170,12 @@ void Namer::refit(std::vector<Trial>& into, const Fit& from, const std::vector<c
     t.begun = begun;
   };
   if (from.squares < astray * samples_) return add(from_base(from, s, limits), false);
+  if (options_.few) {
+    auto to_the_end = limits;
+    to_the_end.refreshes = 2;
+    const auto hypothesis = with_effect(from.hypothesis, *s.effect, s.values);
+    return add(fit(misfit_, hypothesis, at_rest(hypothesis), to_the_end), false);
+  }
   add(from_base(from, s, few_steps(limits.tick)), true);
   // A second one was screened beside the first, so its strength is about right.
   const auto starts = before.empty() ? starts_around(*s.effect, s.values) : Starts{s.values};
@@ -384,7 +389,7 @@ Naming Namer::find() {
     seconds.push_back(check(t, true, at, at + 0.05));
     enough = enough || is_enough(t);
   }
-  if (enough) return std::move(out_);
+  if (enough || options_.few) return std::move(out_);
   for (std::size_t i = 0; i < firsts; ++i) {
     const double at = 0.6 + 0.1 * static_cast<double>(i);
     add_pairs(out_.trials[i], seconds[i], at, at + 0.1);
@@ -400,7 +405,7 @@ Naming Namer::find() {
 }  // namespace
 
 double allowed_left(const NamingOptions& options, double drop) {
-  return std::max(options.second, small_against * drop);
+  return std::max(options.second, options.small_against * drop);
 }
 
 double score(const Trial& t, double samples) {

@@ -21,8 +21,10 @@ struct Trial {
 
 struct NamingOptions {
   std::vector<const Effect*> candidates;
-  double detect = 0;  // a smaller drop is nothing
-  double second = 0;  // a smaller drop by a second effect is nothing
+  double detect = 0;         // a smaller drop is nothing
+  double second = 0;         // a smaller drop by a second effect is nothing
+  double small_against = 0;  // likewise, as a share of the first one's
+  bool few = false;          // numbers: they cannot tell two effects, and many starts fit them by chance
   // What anything that is no effect would still take off the sum of squares; absent: not asked.
   std::function<double(const Fit&)> beyond_effects;
   std::function<void(const std::string& stage, double fraction)> tick;

@@ -163,6 +163,8 @@ Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, 
   out.options = {.candidates = options.candidates,
                  .detect = 60,
                  .second = 60,
+                 .small_against = options.small_against,
+                 .few = options.few,
                  .beyond_effects = options.beyond_effects,
                  .tick = [&](const std::string& stage, double f) { options.tick(stage, 0.3 + 0.6 * f); }};
   out.naming = find_names(misfit, fine, out.base, out.options);

@@ -27,6 +27,8 @@ SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const Si
 struct SearchOptions {
   std::vector<const Effect*> candidates;
   std::uint64_t seed = 1;
+  double small_against = 0;  // a share of what is explained: so well are model and measurement known
+  bool few = false;          // numbers: they cannot tell two effects, and many starts fit them by chance
   // Called once the base model stands roughly; changes the residuals.
   std::function<void(const Fit&)> roughly_fitted;
   // What functions of the signals would still take off the sum of squares; absent: not asked.

@@ -129,7 +129,8 @@ HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std:
 // that: no eigenvalues, no root, and no difference of large numbers however far apart the eigenvalues are.
 //
 // Poles and weights are those of the least largest relative error on [0, infinity], by the exchange algorithm
-// in 50 digits: 17 equal ripples of 1.52e-8, the first at 0, the last at infinity.
+// in 50 digits, with 17 equal ripples of 1.52e-8; the weights are then scaled to a sum of 1. So a fast pair
+// of wells ends a step in equilibrium, as it must: a rest of 1e-8 times a rate of 1e8 would look like a flow.
 struct PolePair {
   constexpr PolePair(double re, double im, double w_re, double w_im)
       : shift(2 * re),
@@ -142,12 +143,17 @@ struct PolePair {
         f_trace(2 * w_re * (re * re + im * im) / (im * im)) {}
   double shift, det_by, det_add, slope, g_det, g_trace, f_det, f_trace;
 };
+constexpr double weights =
+    2 * (1.6717569787908902435 - 1.2767617963796813971 + 0.10525118473506519089 - 0.00024637472328455032607);
 constexpr std::array<PolePair, 4> poles{
-    PolePair{3.4521686026647825543, 1.19919209208360515, 1.6717569787908902435, 2.9124000646426563959},
-    PolePair{2.5301465772181674434, 3.6145100274773414406, -1.2767617963796813971, -0.051964692520751249619},
-    PolePair{0.51615881530984120128, 6.0977543345216061068, 0.10525118473506519089, -0.12226865703346698037},
-    PolePair{-3.1553576596189829282, 8.7859754119085801343, -0.00024637472328455032607,
-             0.0041855399749009186872}};
+    PolePair{3.4521686026647825543, 1.19919209208360515, 1.6717569787908902435 / weights,
+             2.9124000646426563959 / weights},
+    PolePair{2.5301465772181674434, 3.6145100274773414406, -1.2767617963796813971 / weights,
+             -0.051964692520751249619 / weights},
+    PolePair{0.51615881530984120128, 6.0977543345216061068, 0.10525118473506519089 / weights,
+             -0.12226865703346698037 / weights},
+    PolePair{-3.1553576596189829282, 8.7859754119085801343, -0.00024637472328455032607 / weights,
+             0.0041855399749009186872 / weights}};
 
 struct Fraction {
   V f, g, below;  // (f F + g G) / below

@@ -322,7 +322,7 @@ TEST(Discrepancy, ImpossibleDataAreRefusedByName) {
   EXPECT_THAT(refusal(scaled(Channel::displacement, -1)), HasSubstr("sign"));
   EXPECT_THAT(refusal(scaled(Channel::displacement, 1e3)), HasSubstr("units"));
   EXPECT_THAT(refusal(scaled(Channel::charge, 1e-3)), HasSubstr("units"));
-  EXPECT_THAT(refusal(measure(given()), options), HasSubstr("no such recording"));
+  EXPECT_THAT(refusal(measure(given()), options), HasSubstr("cannot be held out"));
   EXPECT_THAT(refusal(measure(given()), misspelt), HasSubstr("electrostriction"));
   auto stuck = measure(given());
   stuck[1].recording.time[40] = stuck[1].recording.time[39];
