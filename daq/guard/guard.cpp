@@ -149,7 +149,9 @@ bool Guard::read(SampleBlock& block) {
       std::unique_lock lock(mutex_);
       const bool whole = feed_->over() && rows_read_ == feed_->issued();
       const End end = !whole ? End::fault : feed_->stopping() ? feed_->end() : End::complete;
-      const std::string reason = whole ? feed_->reason() : "the device ended before the program";
+      const std::string reason = whole                   ? feed_->reason()
+                                 : last_trouble_.empty() ? "the device ended before the program"
+                                                         : "the device ended: " + last_trouble_;
       lock.unlock();
       return finish(end, reason, block);
     }
@@ -200,6 +202,9 @@ void Guard::account(SampleBlock& block) {
   if (block.status != last_status_ && block.status != BlockStatus::ok)
     block.events.push_back({time, std::string(block_status_name(block.status)), block.message});
   last_status_ = block.status;
+  last_trouble_ = block.status == BlockStatus::ok || block.status == BlockStatus::clipped
+                      ? ""
+                      : std::string(block_status_name(block.status)) + ": " + block.message;
   if (trip) feed_->stop(End::limit, *trip);
   feed_->take_events(block.events);
 }

@@ -99,6 +99,7 @@ class Guard final : private LevelSource {
   std::uint64_t rows_read_ = 0;
   int silent_reads_ = 0;
   BlockStatus last_status_ = BlockStatus::ok;
+  std::string last_trouble_;  // of the last block
 };
 
 }  // namespace ferrobench::daq

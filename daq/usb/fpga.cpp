@@ -63,9 +63,9 @@ std::vector<std::byte> read_fpga_image(const std::string& path, const ProductMod
   return image;
 }
 
-bool ensure_fpga(Unit& unit, const std::string& path) {
+bool ensure_fpga(Unit& unit, const std::string& path, const ReadImage& read) {
   if (unit.status().fpga_configured()) return false;
-  unit.load_fpga(read_fpga_image(path, unit.model()));
+  unit.load_fpga(read(path, unit.model()));
   if (!unit.status().fpga_configured())
     throw Error(ErrorCode::device_unavailable, "the unit did not accept its FPGA image",
                 Problem{.path = "/fpga_image",

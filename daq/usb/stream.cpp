@@ -12,6 +12,9 @@ constexpr std::size_t full_packet = 256;         // samples
 constexpr std::size_t shortest_transfer = 4096;  // bytes, where the rate fills it in time
 constexpr std::size_t longest_transfer = 16384;  // bytes
 constexpr std::size_t input_transfers = 16;
+// Behind every tick that is handed on lie so many more that the watch has seen: where a sample got lost, the
+// marker's place may for a moment show another signal that happens to be at its level.
+constexpr std::size_t proof_ticks = 8;
 constexpr std::chrono::milliseconds wait_step{5};
 constexpr std::chrono::milliseconds look_interval{25};
 constexpr std::chrono::milliseconds silence{1000};
@@ -51,7 +54,8 @@ Stream::Stream(Unit& unit, Transfers& transfers, const Inputs& inputs, const Str
       clock_(clock),
       feed_(source, plan.level, plan.pace.oversampling, plan.start.tick_order, to_code_),
       cutter_(inputs.width()),
-      watch_(inputs, plan.monitor_check, plan.pace.tick_rate()) {
+      watch_(inputs, plan.monitor_check, plan.pace.tick_rate()),
+      pace_watch_(plan.pace.tick_rate()) {
   try {
     prepare();
     arm();
@@ -119,6 +123,7 @@ void Stream::arm() {
   if (triggered) unit_.start_output(output);
   expect_silence();
   if (trouble_) return;
+  pace_watch_.begin(clock_.now());
   if (triggered) {
     unit_.set_latch(static_cast<std::uint8_t>(plan_.latch | 1));
   } else {
@@ -152,13 +157,20 @@ void Stream::run() {
 
 void Stream::loop() {
   while (!trouble_ && !stop_ && !complete()) turn();
+  if (trouble_ || stop_) return;
+  if (auto wrong = pace_watch_.check(cutter_.received(), heard_, true); !wrong.empty())
+    fail({BlockStatus::misaligned, std::move(wrong)});
 }
 
 void Stream::turn() {
   done_.clear();
   transfers_.wait(unit_.link(), wait_step, done_);
   const auto now = clock_.now();
+  const auto before = cutter_.received();
   for (const auto& done : done_) take(done);
+  if (!trouble_ && cutter_.received() > before)
+    if (auto wrong = pace_watch_.check(cutter_.received(), now); !wrong.empty())
+      fail({BlockStatus::misaligned, std::move(wrong)});
   if (!trouble_) feed();
   if (!trouble_ && now - looked_ >= look_interval) {
     looked_ = now;
@@ -233,14 +245,19 @@ void Stream::look() {
 void Stream::vouch(bool final) {
   const auto codes = cutter_.ticks();
   const auto width = inputs_.width();
-  auto count = codes.size() / width;
-  if (count > feed_.levels().size()) {
+  auto here = codes.size() / width;
+  if (here > feed_.levels().size()) {
     if (!final) return fail({BlockStatus::underrun, "more input came than there was output for"});
-    count = feed_.levels().size();
+    here = feed_.levels().size();
   }
-  if (auto wrong = watch_.check(vouched_, codes.first(count * width), feed_.levels().first(count));
+  const auto seen = static_cast<std::size_t>(watched_ - vouched_);
+  if (auto wrong = watch_.check(watched_, codes.subspan(seen * width, (here - seen) * width),
+                                feed_.levels().subspan(seen, here - seen));
       !wrong.empty())
     return fail({BlockStatus::misaligned, std::move(wrong)});
+  watched_ += here - seen;
+  if (here <= proof_ticks) return;
+  const auto count = here - proof_ticks;
 
   const auto columns = inputs_.columns();
   const auto n = plan_.pace.oversampling;

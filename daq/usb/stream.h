@@ -18,6 +18,7 @@
 #include "daq/usb/inputs.h"
 #include "daq/usb/output_feed.h"
 #include "daq/usb/pace.h"
+#include "daq/usb/pace_watch.h"
 #include "daq/usb/tick_cutter.h"
 #include "daq/usb/transfers.h"
 #include "daq/usb/watch.h"
@@ -90,13 +91,15 @@ class Stream {
   OutputFeed feed_;
   TickCutter cutter_;
   Watch watch_;
+  PaceWatch pace_watch_;
   BlockQueue queue_;
 
   std::size_t packet_samples_ = 256;
   std::uint64_t lead_ = 0;       // ticks of output in advance
   std::uint64_t chunk_ = 0;      // ticks of output in a transfer
   std::uint64_t delivered_ = 0;  // output ticks that the unit has taken
-  std::uint64_t vouched_ = 0;    // input ticks handed on or dropped between rows
+  std::uint64_t watched_ = 0;    // input ticks that the watch has seen
+  std::uint64_t vouched_ = 0;    // of these, handed on or dropped between rows
   std::chrono::nanoseconds packet_time_{};
   HostClock::TimePoint heard_, looked_;
   std::optional<Trouble> trouble_;

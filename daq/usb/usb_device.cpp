@@ -5,7 +5,6 @@
 #include <iostream>
 #include <limits>
 
-#include "daq/usb/fpga.h"
 #include "daq/usb/units.h"
 #include "protocols/common/fields.h"
 
@@ -23,9 +22,10 @@ std::string number(double value) {
 
 }  // namespace
 
-UsbDevice::UsbDevice(const UsbConfig& config, Connect connect, HostClock& clock)
+UsbDevice::UsbDevice(const UsbConfig& config, Connect connect, HostClock& clock, ReadImage read_image)
     : config_(config),
       connect_(std::move(connect)),
+      read_image_(std::move(read_image)),
       clock_(clock),
       amplifier_(config.amplifier, config.specimen) {
   this->connect();
@@ -69,7 +69,7 @@ void UsbDevice::connect() {
                         .given = id_.serial,
                         .allowed = "USB-1608GX-2AO",
                         .hint = "it can measure but not drive a specimen; name a unit with outputs"});
-  fpga_loaded_ = ensure_fpga(*unit_, config_.fpga_image);
+  fpga_loaded_ = ensure_fpga(*unit_, config_.fpga_image, read_image_);
   unit_->stop_output();
   unit_->stop_input();
   calibration_ = read_calibration(*unit_);

@@ -12,6 +12,7 @@
 
 #include "daq/device.h"
 #include "daq/usb/amplifier.h"
+#include "daq/usb/fpga.h"
 #include "daq/usb/stream.h"
 
 namespace ferrobench::daq::usb {
@@ -20,7 +21,8 @@ class UsbDevice final : public Device {
  public:
   using Connect = std::function<std::unique_ptr<Link>()>;
   // Throws Error(device_unavailable | device_lost | io_error | invalid_params).
-  UsbDevice(const UsbConfig& config, Connect connect, HostClock& clock = HostClock::system());
+  UsbDevice(const UsbConfig& config, Connect connect, HostClock& clock = HostClock::system(),
+            ReadImage read_image = read_fpga_image);
   // Through libusb. Throws Error(invalid_params) for the configuration, too.
   static std::unique_ptr<Device> open(const nlohmann::json& config);
   ~UsbDevice() override;  // the output goes to zero; if it does not, standard error says so
@@ -58,6 +60,7 @@ class UsbDevice final : public Device {
 
   UsbConfig config_;
   Connect connect_;
+  ReadImage read_image_;
   HostClock& clock_;
   Amplifier amplifier_;
   Transfers transfers_;  // outlives the link

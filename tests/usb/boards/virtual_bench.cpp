@@ -29,6 +29,46 @@ BenchConfig bench_config_from_json(const nlohmann::json& json) {
                             "the emulated bench's configuration");
 }
 
+nlohmann::json device_config(const BenchConfig& config) {
+  const auto model = daq::model_of(config.specimen);
+  const auto sensors = daq::sensors_of(with_range(config, model), model);
+  const auto& actuator = model.actuator;
+  const auto input = [&](Channel channel, std::int64_t terminal) {
+    const auto& sensor = sensors.at(at(channel));
+    return nlohmann::json{{"channel", terminal},
+                          {"noise", sensor.noise},
+                          {"sensitivity", sensor_full_scale / sensor.range},
+                          {"offset", sensor_full_scale * sensor.offset / sensor.range}};
+  };
+  // Neither the amplifier's current nor its slew are limited here.
+  nlohmann::json amplifier{{"gain", config.amplifier_gain},
+                           {"voltage_min", -config.amplifier_range},
+                           {"voltage_max", config.amplifier_range},
+                           {"monitor_ratio", config.amplifier_range / sensor_full_scale},
+                           {"current_limit", 1000},
+                           {"slew_limit", config.amplifier_range / config.rise_time},
+                           {"stop_slew", config.amplifier_range}};
+  if (config.enable_line) amplifier["enable_bit"] = *config.enable_line;
+  if (config.interlock_line) amplifier["interlock_bit"] = *config.interlock_line;
+  const auto& field = sensors.at(at(Channel::field));
+  return {{"amplifier", std::move(amplifier)},
+          {"specimen",
+           {{"name", model.name},
+            {"length", actuator.length},
+            {"area", actuator.area},
+            {"layer_thickness", actuator.layer_thickness},
+            {"layer_count", actuator.layer_count},
+            {"capacitance", sensors.at(at(Channel::charge)).range / config.amplifier_range}}},
+          {"load", {{"prestress", model.load.prestress}, {"spring_stiffness", model.load.spring_stiffness}}},
+          {"field", {{"channel", config.field_channel}, {"noise", field.noise}}},
+          {"charge", input(Channel::charge, config.charge_channel)},
+          {"displacement", input(Channel::displacement, config.displacement_channel)},
+          {"force", input(Channel::force, config.force_channel)},
+          {"marker", {{"channel", config.marker_channel}, {"level", config.marker_level}}},
+          {"monitor_check",
+           {{"tolerance", 0.01 * config.amplifier_range / actuator.layer_thickness}, {"delay", 0.002}}}};
+}
+
 VirtualBench::VirtualBench(const BenchConfig& config)
     : config_(config),
       model_(daq::model_of(config.specimen)),

@@ -55,6 +55,9 @@ void describe(Visitor& visit, BenchConfig& c) {
 // Throws Error(invalid_params | not_found | bad_model).
 BenchConfig bench_config_from_json(const nlohmann::json& json);
 
+// The configuration of the bench's USB device that fits this wiring: what a user of a real bench writes.
+nlohmann::json device_config(const BenchConfig& config);
+
 class VirtualBench final : public Board {
  public:
   explicit VirtualBench(const BenchConfig& config);

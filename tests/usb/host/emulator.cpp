@@ -3,13 +3,16 @@
 #include <algorithm>
 
 #include "boards/loopback.h"
-#include "boards/pattern.h"
+#include "boards/proof.h"
 
 namespace ferrobench::emulator {
 
 std::span<const std::pair<BoardKind, std::string_view>> enum_names(BoardKind) {
-  static constexpr std::array<std::pair<BoardKind, std::string_view>, 3> names{
-      {{BoardKind::loopback, "loopback"}, {BoardKind::pattern, "pattern"}, {BoardKind::bench, "bench"}}};
+  static constexpr std::array<std::pair<BoardKind, std::string_view>, 4> names{
+      {{BoardKind::loopback, "loopback"},
+       {BoardKind::pattern, "pattern"},
+       {BoardKind::proof, "proof"},
+       {BoardKind::bench, "bench"}}};
   return names;
 }
 
@@ -57,6 +60,8 @@ std::unique_ptr<Board> board_of(const EmulatorConfig& config) {
   switch (config.board) {
     case BoardKind::pattern:
       return std::make_unique<PatternBoard>();
+    case BoardKind::proof:
+      return std::make_unique<ProofBoard>();
     case BoardKind::bench:
       return std::make_unique<VirtualBench>(config.bench);
     default:
@@ -92,23 +97,25 @@ Emulator::Emulator(const EmulatorConfig& config)
 }
 
 bool Emulator::starved() const {
-  return (unit_.input_on() && port_.in_under_way() == 0) || (unit_.output_on() && port_.out_under_way() == 0);
+  return (port_.in_under_way() == 0 && unit_.input_overruns_within(step)) ||
+         (port_.out_under_way() == 0 && unit_.output_runs_dry_within(step));
 }
 
 void Emulator::keep_up() {
   const auto now = Clock::now();
   double passed = std::chrono::duration<double>(now - last_).count();
   last_ = now;
-  // Millisecond by millisecond: a transfer that ends in between may leave the host without any.
-  for (; passed > 0; passed -= 1e-3) {
-    const double step = std::min(passed, 1e-3);
+  // Step by step: a transfer that ends in between may leave the host without any.
+  constexpr double longest = static_cast<double>(step) / ticks_per_second;
+  for (; passed > 0; passed -= longest) {
+    const double now_passed = std::min(passed, longest);
     if (!starved()) {
       waited_ = 0;
     } else if (waited_ < config_.patience) {
-      waited_ += step;
+      waited_ += now_passed;
       continue;
     }
-    port_.advance(port_.now() + static_cast<Ticks>(step * static_cast<double>(ticks_per_second)));
+    port_.advance(port_.now() + static_cast<Ticks>(now_passed * static_cast<double>(ticks_per_second)));
   }
 }
 

@@ -11,7 +11,7 @@
 
 namespace ferrobench::emulator {
 
-enum class BoardKind { loopback, pattern, bench };
+enum class BoardKind { loopback, pattern, proof, bench };
 std::span<const std::pair<BoardKind, std::string_view>> enum_names(BoardKind);
 std::span<const std::pair<TriggerSource, std::string_view>> enum_names(TriggerSource);
 std::span<const std::pair<ClockSource, std::string_view>> enum_names(ClockSource);
@@ -36,7 +36,8 @@ struct EmulatorConfig {
 template <class Visitor>
 void describe(Visitor& visit, EmulatorConfig& c) {
   visit("board", c.board,
-        {.doc = "loopback: outputs to inputs; pattern: a known pattern; bench: a virtual bench"});
+        {.doc = "loopback: outputs to inputs; pattern: a known pattern; proof: a pattern by input "
+                "beside a loop-back and a marker; bench: a virtual bench"});
   visit("bench", c.bench, {.doc = "the virtual bench"});
   visit("product", c.product, {.min = 0x0110, .max = 0x0136, .doc = "USB product id"});
   visit("serial", c.serial, {.doc = "8 characters"});
@@ -48,12 +49,14 @@ void describe(Visitor& visit, EmulatorConfig& c) {
   visit("fault", c.fault, {.doc = "a fault that the unit has once"});
   visit("fault_seed", c.fault_seed, {.min = 0, .doc = "of the moment of the fault"});
   visit("fault_scans", c.fault_scans, {.min = 1, .doc = "the moment is within so many scans"});
-  visit("patience", c.patience,
-        {.unit = "s",
-         .min = 0,
-         .max = 10,
-         .doc = "how long the unit's time may stand still for a host that has no transfer ready in a scan: a "
-                "loaded machine is not a broken driver"});
+  visit(
+      "patience", c.patience,
+      {.unit = "s",
+       .min = 0,
+       .max = 10,
+       .doc =
+           "how long the unit's time may stand still where a FIFO is about to fail for want of a transfer: a "
+           "loaded machine is not a broken driver"});
 }
 
 // Throws Error(invalid_params).
@@ -71,6 +74,8 @@ class Emulator {
 
  private:
   using Clock = std::chrono::steady_clock;
+  static constexpr Ticks step = ticks_per_second / 1000;
+  // The scan is about to fail because the host has no transfer ready.
   bool starved() const;
 
   EmulatorConfig config_;

@@ -35,7 +35,11 @@ constexpr Ticks ticks_of(std::chrono::nanoseconds time) {
 }  // namespace
 
 ProcessLink::ProcessLink(Port& port, Pace pace)
-    : port_(port), pace_(pace), begin_(Clock::now()), begin_ticks_(port.now()) {}
+    : port_(port),
+      pace_(pace),
+      begin_(Clock::now()),
+      begin_ticks_(port.now()),
+      departures_(port.unit().departures()) {}
 
 ProcessLink::~ProcessLink() {
   port_.cancel_all();
@@ -63,6 +67,7 @@ void ProcessLink::keep_up() {
 LinkStatus ProcessLink::control(const Request& request, std::span<const std::byte> data,
                                 std::vector<std::byte>& answer) {
   keep_up();
+  if (gone()) return LinkStatus::no_device;
   return status_of(port_.control(request, data, answer));
 }
 
@@ -97,7 +102,7 @@ LinkStatus ProcessLink::clear_halt(std::uint8_t endpoint) {
 }
 
 LinkStatus ProcessLink::submit_in(std::uint8_t endpoint, std::span<std::byte> buffer, std::uint64_t token) {
-  if (!port_.unit().on_bus()) return LinkStatus::no_device;
+  if (gone()) return LinkStatus::no_device;
   pending_[next_id_] = {.token = token, .buffer = buffer};
   if (port_.submit_in(next_id_++, endpoint, buffer.size())) return LinkStatus::ok;
   pending_.erase(next_id_ - 1);
@@ -106,7 +111,7 @@ LinkStatus ProcessLink::submit_in(std::uint8_t endpoint, std::span<std::byte> bu
 
 LinkStatus ProcessLink::submit_out(std::uint8_t endpoint, std::span<const std::byte> buffer,
                                    std::uint64_t token) {
-  if (!port_.unit().on_bus()) return LinkStatus::no_device;
+  if (gone()) return LinkStatus::no_device;
   pending_[next_id_] = {.token = token, .buffer = {}};
   if (port_.submit_out(next_id_++, endpoint, buffer)) return LinkStatus::ok;
   pending_.erase(next_id_ - 1);

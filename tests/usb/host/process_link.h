@@ -39,6 +39,8 @@ class ProcessLink final : public daq::usb::Link {
 
  private:
   using Clock = std::chrono::steady_clock;
+  // As with any host: a unit that comes back is another one, this link stays dead.
+  bool gone() const { return !port_.unit().on_bus() || port_.unit().departures() != departures_; }
   void keep_up();  // with the clock, or by a control transfer's time
   daq::usb::LinkStatus control(const Request& request, std::span<const std::byte> data,
                                std::vector<std::byte>& answer);
@@ -51,6 +53,7 @@ class ProcessLink final : public daq::usb::Link {
   Pace pace_;
   Clock::time_point begin_;
   Ticks begin_ticks_;
+  unsigned departures_;  // of the unit, when this link was made
   std::uint64_t next_id_ = 0;
   std::map<std::uint64_t, Pending> pending_;
 };

@@ -254,7 +254,7 @@ bool Unit::write_system(const Request& r, Data data) {
     case request::reset:
       if (!data.empty()) return false;
       reset();
-      on_bus_ = false;
+      lose_bus();
       return true;
     case request::trigger:
       if (!one()) return false;

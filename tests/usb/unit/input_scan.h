@@ -39,6 +39,11 @@ class InputScan {
   bool armed() const { return pacer_.armed(); }
   bool on() const { return pacer_.on(); }
   bool hung() const { return hung_; }
+  // Whether the FIFO overruns within `time` if nothing is read.
+  bool overruns_within(Ticks time) const {
+    const Ticks scan = std::max(pacer_.external() ? 0 : pacer_.period(), fastest_ * elements_.size());
+    return pacer_.running() && fifo_.room() < (time / std::max<Ticks>(scan, 1) + 1) * elements_.size();
+  }
   std::uint64_t scans() const { return pacer_.scans(); }
   Ticks next() const { return std::min(pacer_.next(), conversion_); }
   // Does what is due at `now`. True: a scan began, the clock output has an edge.

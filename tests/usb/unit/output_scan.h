@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -31,6 +32,12 @@ class OutputScan {
   void clear();
 
   void trigger(Ticks now) { pacer_.trigger(now); }
+  // Whether the FIFO runs dry within `time` if nothing is written; on an external clock, by its top rate.
+  bool runs_dry_within(Ticks time) const {
+    const Ticks update = pacer_.external() ? ticks_per_second / 500'000 : pacer_.period();
+    return pacer_.running() &&
+           fifo_.size() < (time / update + 1) * static_cast<std::size_t>(std::popcount(mask_));
+  }
   bool armed() const { return pacer_.armed(); }
   bool on() const { return pacer_.on(); }
   std::uint64_t scans() const { return pacer_.scans(); }

@@ -53,12 +53,13 @@ void Unit::power_up() {
 }
 
 void Unit::unplug() {
-  on_bus_ = false;
+  lose_bus();
   powered_ = false;
   reset();
 }
 
 void Unit::lose_bus() {
+  if (on_bus_) ++departures_;
   on_bus_ = false;
 }
 

@@ -44,8 +44,12 @@ class Unit {
 
   bool input_on() const { return input_.on() && !input_.armed(); }
   bool output_on() const { return output_.on() && !output_.armed(); }
+  // Whether a FIFO overruns or runs dry within `time` if the host does nothing.
+  bool input_overruns_within(Ticks time) const { return input_.overruns_within(time); }
+  bool output_runs_dry_within(Ticks time) const { return output_.runs_dry_within(time); }
   bool on_bus() const { return on_bus_; }
-  void unplug();    // bus and, as the unit has no other, power
+  unsigned departures() const { return departures_; }  // from the bus, so far
+  void unplug();                                       // bus and, as the unit has no other, power
   void lose_bus();  // the bus only, as behind a failing hub: the scans go on
   void plug();      // back on the bus; what lost power starts as new
 
@@ -109,6 +113,7 @@ class Unit {
   PulseTimer timer_;
   Ticks now_ = 0;
   bool on_bus_ = true, powered_ = true;
+  unsigned departures_ = 0;
   std::uint8_t inputs_ = 0xFF;  // direction mask, 1: input
   std::uint8_t latch_ = 0;
   std::uint8_t trigger_mode_ = 0;

@@ -1,8 +1,12 @@
 // ferrobench_usb_emulator [--config FILE] -- COMMAND ...
 //
-// Runs COMMAND with an emulated USB-1608GX-2AO on an emulated bus, which the unmodified libusb inside COMMAND
-// finds. Needs umockdev-wrapper around it. SIGUSR1 pulls the unit's plug, SIGUSR2 puts it back. COMMAND finds
-// this process's number in FERROBENCH_USB_EMULATOR. Ends with COMMAND's exit code.
+// ferrobench_usb_emulator [--config FILE] --device-config
+//
+// The first runs COMMAND with an emulated USB-1608GX-2AO on an emulated bus, which the unmodified libusb
+// inside COMMAND finds. Needs umockdev-wrapper around it. SIGUSR1 pulls the unit's plug, SIGUSR2 puts it
+// back. COMMAND finds this process's number in FERROBENCH_USB_EMULATOR. Ends with COMMAND's exit code. The
+// second prints the configuration of a device on the emulated bench, for ferrobench run --device usb
+// --device-config.
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -92,9 +96,15 @@ int main(int argc, char** argv) {
       json = ferrobench::emulator::configuration(argv[at + 1]);
       at += 2;
     }
+    if (at < argc && std::string_view(argv[at]) == "--device-config") {
+      const auto config = ferrobench::emulator::emulator_config_from_json(json);
+      std::cout << ferrobench::emulator::device_config(config.bench).dump(2) << '\n';
+      return 0;
+    }
     if (at < argc && std::string_view(argv[at]) == "--") ++at;
     if (at >= argc) {
-      std::cerr << "usage: umockdev-wrapper ferrobench_usb_emulator [--config FILE] -- COMMAND ...\n";
+      std::cerr << "usage: umockdev-wrapper ferrobench_usb_emulator [--config FILE] -- COMMAND ...\n"
+                   "       ferrobench_usb_emulator [--config FILE] --device-config\n";
       return 2;
     }
     return ferrobench::emulator::run(json, argv + at);

@@ -1,0 +1,44 @@
+"""compare_reports.py A.json B.json: two reports (ferrobench report --format json) of one protocol, number by number.
+Exit code 1 if they differ by more than the noise of the sensors makes of it."""
+
+import json
+import sys
+
+# Share of the largest value of its kind in the table, above which a number is no longer noise: the sensors' noise is
+# 5e-5 of ranges that are a few times what is measured, and areas and widths multiply it.
+ALLOWED = 0.02
+
+
+def rows_of(report):
+    return {name: table["rows"] for name, table in report.items() if isinstance(table, dict) and "rows" in table}
+
+
+def main():
+    with open(sys.argv[1]) as a, open(sys.argv[2]) as b:
+        first, second = rows_of(json.load(a)), rows_of(json.load(b))
+    if first.keys() != second.keys():
+        sys.exit(f"one has the tables {sorted(first)}, the other {sorted(second)}")
+    if not first:
+        sys.exit("there is nothing to compare")
+    apart = 0
+    numbers = 0
+    for name, rows in first.items():
+        others = second[name]
+        if len(rows) != len(others):
+            sys.exit(f"{name}: {len(rows)} rows against {len(others)}")
+        for row, other in zip(rows, others):
+            for key, value in row.items():
+                if not isinstance(value, float) or not isinstance(other.get(key), float):
+                    if type(value) is not type(other.get(key)):
+                        sys.exit(f"{name}: {key} is {value} against {other.get(key)}")
+                    continue
+                numbers += 1
+                scale = max(abs(x[key]) for x in rows + others if isinstance(x.get(key), float))
+                if abs(value - other[key]) > ALLOWED * scale:
+                    apart += 1
+                    print(f"{name}: {key} is {value:.6g} against {other[key]:.6g}")
+    print(f"{numbers} numbers in {len(first)} tables, {apart} further apart than noise")
+    sys.exit(1 if apart or not numbers else 0)
+
+
+main()
