@@ -8,7 +8,7 @@ namespace ferrobench::daq::usb {
 
 std::string PaceWatch::check(std::uint64_t ticks, HostClock::TimePoint now, bool final) {
   const double passed = std::chrono::duration<double>(now - begin_).count();
-  const double due = static_cast<double>(ticks) / rate_;
+  const double due = (static_cast<double>(ticks) - 1) / rate_;  // the first comes at once
   least_lag_ = std::min(least_lag_, passed - due);
   const auto deviates = [&](const char* how) {
     return "the unit's pacer runs " + std::string(how) + ": " + std::to_string(ticks) + " ticks in " +

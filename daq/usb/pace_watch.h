@@ -1,9 +1,9 @@
 // The unit's pacer against the host's clock.
 //
-// n ticks at the rate asked for take n / rate. Samples never come before they are taken, so ticks that are
-// early prove a pacer that runs fast. They may come late, but the host keeps up again and again: where in a
-// whole window none is in time, the pacer runs slow. Unnoticed stays a deviation below 0.05 % (crystals have
-// 0.01 %), and a slow pacer until it is 25 ms late, the lag of a busy computer, through a window.
+// n ticks at the rate asked for take (n - 1) / rate. Samples never come before they are taken, so ticks that
+// are early prove a pacer that runs fast. They may come late, but the host keeps up again and again: where in
+// a whole window none is in time, the pacer runs slow. Unnoticed stays a deviation below 0.05 % (crystals
+// have 0.01 %), and a slow pacer until it is 25 ms late, the lag of a busy computer, through a window.
 #pragma once
 
 #include <limits>

@@ -176,12 +176,14 @@ void Stream::turn() {
     looked_ = now;
     look();
   }
-  if (!trouble_ && now - heard_ > silence + 3 * packet_time_) {
-    const bool never = cutter_.received() == 0;
-    fail({never ? BlockStatus::stall : BlockStatus::timeout,
-          never ? "no sample came after the start: " + wire_hint(plan_.start.mode)
-                : "the unit stopped sending samples after tick " + std::to_string(cutter_.received())});
-  }
+  if (!trouble_ && now - heard_ > silence + 3 * packet_time_) fail(silent());
+}
+
+Stream::Trouble Stream::silent() const {
+  if (cutter_.received() == 0)
+    return {BlockStatus::stall, "no sample came after the start: " + wire_hint(plan_.start.mode)};
+  return {BlockStatus::timeout,
+          "the unit stopped sending samples after tick " + std::to_string(cutter_.received())};
 }
 
 void Stream::take(const Transfers::Done& done) {
@@ -225,8 +227,7 @@ void Stream::look() {
         {BlockStatus::overrun, "the unit's input FIFO overran; choose a lower rate or free the computer"});
   // Output follows input: where no input comes, the output runs dry as a consequence.
   if (status.output_underrun() && clock_.now() - heard_ > packet_time_ + 2 * look_interval)
-    return fail({BlockStatus::timeout,
-                 "the unit stopped sending samples after tick " + std::to_string(cutter_.received())});
+    return fail(silent());
   if (status.output_underrun())
     return fail(
         {BlockStatus::underrun, "the unit's output FIFO ran dry; raise queue_ahead or free the computer"});

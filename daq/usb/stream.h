@@ -65,6 +65,7 @@ class Stream {
     BlockStatus status = BlockStatus::ok;
     std::string message;
   };
+  Trouble silent() const;
   static Trouble trouble_of(LinkStatus status, const std::string& what);
 
   void prepare();

@@ -16,7 +16,7 @@ cat > "$folder/loops.json" <<JSON
 {"format": "ferrobench-protocol", "version": 1, "name": "loops", "unit": "kV/mm", "start": 0, "sample_rate_Hz": 50,
  "load": {"spring_stiffness_N_per_m": 3e6},
  "segments": [{"kind": "triangle", "low": 0, "high": 1.5, "rate": 1, "cycles": 2, "first": "up"},
-              {"kind": "ramp", "to": 1, "rate": 1}, {"kind": "hold", "duration": 3}, {"kind": "ramp", "to": 0, "rate": 1}]}
+              {"kind": "ramp", "to": 1, "rate": 1}, {"kind": "hold", "time": 3}, {"kind": "ramp", "to": 0, "rate": 1}]}
 JSON
 "$emulator" --config "$folder/unit.json" --device-config > "$folder/device.json"
 "$emulator" --config "$folder/unit.json" -- "$ferrobench" run "$folder/loops.json" --device usb \

@@ -33,6 +33,7 @@ nlohmann::json device_config(const BenchConfig& config) {
   const auto model = daq::model_of(config.specimen);
   const auto sensors = daq::sensors_of(with_range(config, model), model);
   const auto& actuator = model.actuator;
+  const auto& field = sensors.at(at(Channel::field));
   const auto input = [&](Channel channel, std::int64_t terminal) {
     const auto& sensor = sensors.at(at(channel));
     return nlohmann::json{{"channel", terminal},
@@ -44,13 +45,12 @@ nlohmann::json device_config(const BenchConfig& config) {
   nlohmann::json amplifier{{"gain", config.amplifier_gain},
                            {"voltage_min", -config.amplifier_range},
                            {"voltage_max", config.amplifier_range},
-                           {"monitor_ratio", config.amplifier_range / sensor_full_scale},
+                           {"monitor_ratio", field.range * actuator.layer_thickness / sensor_full_scale},
                            {"current_limit", 1000},
                            {"slew_limit", config.amplifier_range / config.rise_time},
                            {"stop_slew", config.amplifier_range}};
   if (config.enable_line) amplifier["enable_bit"] = *config.enable_line;
   if (config.interlock_line) amplifier["interlock_bit"] = *config.interlock_line;
-  const auto& field = sensors.at(at(Channel::field));
   return {{"amplifier", std::move(amplifier)},
           {"specimen",
            {{"name", model.name},

@@ -62,7 +62,8 @@ int run(const nlohmann::json& json, char** command) {
   if (const int error = posix_spawnp(&child, command[0], nullptr, nullptr, command, environ); error != 0)
     throw std::system_error(error, std::generic_category(), command[0]);
   bool on_bus = true;
-  std::optional<std::chrono::steady_clock::time_point> back;  // from a reset
+  constexpr auto never_back = std::chrono::steady_clock::time_point::max();
+  auto back = never_back;  // from a reset
   int status = 0;
   while (waitpid(child, &status, WNOHANG) == 0) {
     {
@@ -70,8 +71,8 @@ int run(const nlohmann::json& json, char** command) {
       Unit& unit = emulator.unit();
       if (std::exchange(unplug_asked, 0) != 0) unit.unplug();
       if (usbfs.take_reset()) back = std::chrono::steady_clock::now() + reset_time;
-      const bool again = back && std::chrono::steady_clock::now() >= *back;
-      if (again) back.reset();
+      const bool again = std::chrono::steady_clock::now() >= back;
+      if (again) back = never_back;
       if (again || std::exchange(plug_asked, 0) != 0) unit.plug();
       emulator.keep_up();
       usbfs.collect();
