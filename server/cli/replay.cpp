@@ -43,7 +43,8 @@ server::RunRequest request_of(const ReplayOptions& o, const std::string& path) {
   request.replay_file = path;
   // What is only checked or calculated with need not take its time.
   request.fast = o.fast || (o.speed == 0 && (o.verify || !o.model.empty()));
-  for (const auto& [key, value] : set_argument(o.set).items()) request.set["device." + key] = value;
+  const auto settings = set_argument(o.set);
+  for (const auto& [key, value] : settings.items()) request.set["device." + key] = value;
   request.set["device.played"] = o.played;
   if (o.speed != 0) request.set["device.speed"] = o.speed;
   if (o.from) request.set["device.from"] = *o.from;
