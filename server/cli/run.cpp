@@ -17,7 +17,8 @@ struct RunOptions {
 };
 
 int run(const RunOptions& o, const Common& common) {
-  demand_free(o.out, o.force);
+  const auto source = server::replayed(o.device);
+  demand_free(o.out, o.force, source && o.force ? recording_argument(*source, common) : "");
   const Interrupt interrupt;
   Link link(common);
   json params{{"device", o.device},
@@ -39,9 +40,9 @@ int run(const RunOptions& o, const Common& common) {
 void add_run(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("run", "Run a protocol on a device; prints the recording's file");
   auto o = std::make_shared<RunOptions>();
-  sub->add_option("PROTOCOL", o->protocol,
-                  "name of a shipped protocol, or a file (.json, or .csv of time in s and kV/mm)")
-      ->required();
+  sub->add_option(
+      "PROTOCOL", o->protocol,
+      "name of a shipped protocol, or a file (.json, or .csv of time in s and kV/mm); none for a replay");
   sub->add_option("--device", o->device, "kind of device, one opened before, or replay:RECORDING")
       ->capture_default_str();
   sub->add_option("--model", o->model, "virtual device: model by name or file");
