@@ -56,8 +56,9 @@ std::string recording_argument(const std::string& given, const Common& common);
 // To the file, or to stdout if "".
 void write_output(const std::string& file, const std::string& text);
 
-// Error(io_error) if the file is there and not to be replaced; removed if it is.
-void demand_free(const std::string& file, bool replace);
+// Error(io_error) if the file is there and not to be replaced; removed if it is, unless it is `source`, the
+// recording that the new one is made from: Error(invalid_params).
+void demand_free(const std::string& file, bool replace, const std::string& source = "");
 
 // Follows a run, with progress on stderr, until it is over; an interrupt asks for a safe stop. `status` and
 // `abort` are told the run's id. Returns the last status, with "interrupted".

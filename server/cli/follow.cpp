@@ -10,7 +10,11 @@ namespace ferrobench::cli {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-void demand_free(const std::string& file, bool replace) {
+void demand_free(const std::string& file, bool replace, const std::string& source) {
+  std::error_code failure;
+  if (!file.empty() && !source.empty() && fs::equivalent(source, file, failure))
+    throw Error(ErrorCode::invalid_params, "the recording would replace itself",
+                Problem{.path = "/out", .given = file, .hint = "choose another name"});
   if (file.empty() || !server::Store::is_taken(file)) return;
   if (!replace)
     throw Error(ErrorCode::io_error, "the file is there already",

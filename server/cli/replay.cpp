@@ -25,16 +25,12 @@ struct ReplayOptions {
   std::vector<std::string> set{};
 };
 
-void demand_sense(const ReplayOptions& o, const std::string& path) {
+void demand_sense(const ReplayOptions& o) {
   if (o.verify && (!o.set.empty() || !o.model.empty()))
     throw Error(ErrorCode::invalid_params, "nothing can be identical that is meant to differ",
                 Problem{.path = o.set.empty() ? "/model" : "/set",
                         .message = "does not go with --verify",
                         .hint = "leave one of the two out"});
-  std::error_code failure;
-  if (!o.out.empty() && fs::equivalent(path, o.out, failure))
-    throw Error(ErrorCode::invalid_params, "the recording would replace itself",
-                Problem{.path = "/out", .given = o.out, .hint = "choose another name"});
 }
 
 server::RunRequest request_of(const ReplayOptions& o, const std::string& path) {
@@ -43,8 +39,8 @@ server::RunRequest request_of(const ReplayOptions& o, const std::string& path) {
   request.replay_file = path;
   // What is only checked or calculated with need not take its time.
   request.fast = o.fast || (o.speed == 0 && (o.verify || !o.model.empty()));
-  const json set = set_argument(o.set);
-  for (const auto& [key, value] : set.items()) request.set["device." + key] = value;
+  const auto settings = set_argument(o.set);
+  for (const auto& [key, value] : settings.items()) request.set["device." + key] = value;
   request.set["device.played"] = o.played;
   if (o.speed != 0) request.set["device.speed"] = o.speed;
   if (o.from) request.set["device.from"] = *o.from;
@@ -143,8 +139,8 @@ int beside_model(const ReplayOptions& o, const Recording& measured, const std::s
 
 int replay(const ReplayOptions& o, const Common& common) {
   const auto path = recording_argument(o.recording, common);
-  demand_sense(o, path);
-  demand_free(o.out, o.force);
+  demand_sense(o);
+  demand_free(o.out, o.force, path);
   if (o.verify || (!o.out.empty() && o.model.empty())) return replay_to_file(o, path);
   const auto replayed = replay_in_memory(o, path);
   if (replayed.outcome.end != daq::End::complete) {

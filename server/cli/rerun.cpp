@@ -22,7 +22,7 @@ int rerun(const RerunOptions& o, const Common& common) {
   const bool is_virtual = request.device == "virtual" && o.device.empty();
   if (!o.device.empty()) request.device = o.device;
   request.notes = o.notes;
-  demand_free(o.out, o.force);
+  demand_free(o.out, o.force, path);
   const Interrupt interrupt;
   Link link(common);
   const auto status = carry_out(link, write_json(request), o.out, o.quiet, common);

@@ -18,7 +18,8 @@ struct RunOptions {
 };
 
 int run(const RunOptions& o, const Common& common) {
-  demand_free(o.out, o.force);
+  const auto source = server::replayed(o.device);
+  demand_free(o.out, o.force, source && o.force ? recording_argument(*source, common) : "");
   const Interrupt interrupt;
   Link link(common);
   json params{{"device", o.device},
