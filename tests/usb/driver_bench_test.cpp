@@ -20,6 +20,7 @@ BenchConfig bench_config() {
   BenchConfig config;
   config.specimen.model = "soft-pzt";
   config.specimen.domains = 50;
+  config.fresh = true;
   return config;
 }
 

@@ -41,6 +41,7 @@ recordings::Recording through_usb(const server::RunRequest& request, const serve
   const auto direct = server::make_plan(request, store);
   BenchConfig bench;
   bench.specimen = daq::virtual_config_from_json(direct.device_config);
+  bench.fresh = true;
   VirtualBench board(bench);
   auto usb = request;
   usb.device = "usb";

@@ -10,17 +10,17 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 export FERROBENCH_DATA="$folder"
 cat > "$folder/unit.json" <<JSON
-{"board": "bench", "fpga_loaded": true, "bench": {"specimen": {"model": "mcl-op30", "seed": 7}}}
+{"board": "bench", "fpga_loaded": true, "bench": {"fresh": true, "specimen": {"model": "mcl-op30", "seed": 7}}}
 JSON
 cat > "$folder/loops.json" <<JSON
 {"format": "ferrobench-protocol", "version": 1, "name": "loops", "unit": "kV/mm", "start": 0, "sample_rate_Hz": 50,
- "load": {"spring_stiffness_N_per_m": 3e6},
  "segments": [{"kind": "triangle", "low": 0, "high": 1.5, "rate": 1, "cycles": 2, "first": "up"},
-              {"kind": "ramp", "to": 1, "rate": 1}, {"kind": "hold", "time": 3}, {"kind": "ramp", "to": 0, "rate": 1}]}
+              {"kind": "ramp", "to": 1, "rate": 1},
+              {"kind": "ramp", "to": 0.2, "rate": 1}, {"kind": "hold", "time": 2}, {"kind": "ramp", "to": 0, "rate": 1}]}
 JSON
 "$emulator" --config "$folder/unit.json" --device-config > "$folder/device.json"
 "$emulator" --config "$folder/unit.json" -- "$ferrobench" run "$folder/loops.json" --device usb \
-  --device-config "$folder/device.json" --set device.queue_ahead=0.5 --set device.update_rate=200 \
+  --device-config "$folder/device.json" --set device.queue_ahead=0.5 \
   --out "$folder/usb.h5" --quiet
 "$ferrobench" run "$folder/loops.json" --model mcl-op30 --fast --out "$folder/virtual.h5" --quiet
 for name in usb virtual; do

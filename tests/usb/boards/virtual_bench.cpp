@@ -77,7 +77,8 @@ VirtualBench::VirtualBench(const BenchConfig& config)
                           .domains = static_cast<int>(config.specimen.domains)}),
       marker_noise_(static_cast<std::uint64_t>(config.specimen.seed), marker),
       rise_(static_cast<Ticks>(std::llround(config.rise_time * static_cast<double>(ticks_per_second)))),
-      enabled_(!config.enable_line) {
+      enabled_(!config.enable_line),
+      unmounted_(config.fresh) {
   for (std::size_t c = 0; c < noise_.size(); ++c)
     noise_.at(c) = std::make_unique<daq::Noise>(static_cast<std::uint64_t>(config.specimen.seed), c);
   simulator_.start(0);
@@ -98,6 +99,7 @@ void VirtualBench::play(Ticks to, double level) {
 }
 
 void VirtualBench::advance(Ticks to) {
+  if (unmounted_) now_ = to;
   if (now_ < ramp_end_ && to > now_) {
     const Ticks end = std::min(to, ramp_end_);
     const double share = static_cast<double>(end - now_) / static_cast<double>(ramp_end_ - now_);
@@ -109,6 +111,8 @@ void VirtualBench::advance(Ticks to) {
 void VirtualBench::retarget() {
   const double wanted = enabled_ && interlock_closed_ ? config_.amplifier_gain * command_ : 0;
   target_ = std::clamp(wanted, -config_.amplifier_range, config_.amplifier_range);
+  constexpr double hardly = 0.01;  // of the range: more than an uncalibrated zero
+  if (std::abs(target_) > hardly * config_.amplifier_range) unmounted_ = false;
   ramp_end_ = target_ == level_ ? now_ : now_ + std::max<Ticks>(rise_, 1);
 }
 
@@ -152,6 +156,7 @@ double VirtualBench::input(Ticks time, const AnalogInput& input) {
       std::find_if(wired.begin(), wired.end(), [&](const auto& w) { return w.second == input.channel; });
   if (found == wired.end()) return 0;
   advance(time);
+  unmounted_ = false;
   const auto c = at(found->first);
   const daq::Sensor& sensor = sensors_.at(c);
   double value = sensor.gain * values_.at(c) + sensor.offset;

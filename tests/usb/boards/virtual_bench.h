@@ -30,6 +30,9 @@ struct BenchConfig {
   std::int64_t marker_channel = 4;
   double marker_level = 7.5;     // V
   double marker_noise = 0.5e-3;  // V
+  // The specimen is mounted at the first conversion or field, as the virtual device has it. Else it may have
+  // waited long for its first field, and depoled under its prestress meanwhile.
+  bool fresh = false;
   // Digital lines: the amplifier works only while the unit drives `enable_line` high, and holds
   // `interlock_line` high while its interlock is closed. Absent: not wired, always on.
   std::optional<std::int64_t> enable_line, interlock_line;
@@ -48,6 +51,8 @@ void describe(Visitor& visit, BenchConfig& c) {
   visit("marker_channel", c.marker_channel, {.min = 0, .max = 15});
   visit("marker_level", c.marker_level, {.unit = "V", .min = -10, .max = 10});
   visit("marker_noise", c.marker_noise, {.unit = "V", .min = 0});
+  visit("fresh", c.fresh,
+        {.doc = "the specimen's time begins with the first conversion of an input, or the first field"});
   visit("enable_line", c.enable_line, {.min = 0, .max = 7});
   visit("interlock_line", c.interlock_line, {.min = 0, .max = 7});
 }
@@ -92,6 +97,7 @@ class VirtualBench final : public Board {
   double level_ = 0;    // V, at the amplifier's output
   double target_ = 0;
   bool enabled_, interlock_closed_ = true;
+  bool unmounted_;
 };
 
 }  // namespace ferrobench::emulator

@@ -103,19 +103,18 @@ bool Emulator::starved() const {
 
 void Emulator::keep_up() {
   const auto now = Clock::now();
-  double passed = std::chrono::duration<double>(now - last_).count();
-  last_ = now;
   // Step by step: a transfer that ends in between may leave the host without any.
-  constexpr double longest = static_cast<double>(step) / ticks_per_second;
-  for (; passed > 0; passed -= longest) {
-    const double now_passed = std::min(passed, longest);
-    if (!starved()) {
-      waited_ = 0;
-    } else if (waited_ < config_.patience) {
-      waited_ += now_passed;
-      continue;
-    }
-    port_.advance(port_.now() + static_cast<Ticks>(now_passed * static_cast<double>(ticks_per_second)));
+  constexpr std::chrono::nanoseconds longest{step * 125 / 8};
+  while (reached_ < now) {
+    if (!starved())
+      starved_since_.reset();
+    else if (!starved_since_)
+      starved_since_ = now;
+    if (starved_since_ && std::chrono::duration<double>(now - *starved_since_).count() < config_.patience)
+      return;
+    const auto passed = std::min<std::chrono::nanoseconds>(now - reached_, longest);
+    port_.advance(port_.now() + static_cast<Ticks>(passed.count()) * 8 / 125);
+    reached_ += passed;
   }
 }
 

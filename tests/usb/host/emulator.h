@@ -30,7 +30,7 @@ struct EmulatorConfig {
   ClockSource input_clock = ClockSource::output_clock_out, output_clock = ClockSource::none;
   std::optional<FaultKind> fault;
   std::int64_t fault_seed = 1, fault_scans = 10'000;
-  double patience = 0.1;  // s
+  double patience = 0.5;  // s
 };
 
 template <class Visitor>
@@ -82,8 +82,8 @@ class Emulator {
   std::unique_ptr<Board> board_;
   Unit unit_;
   Port port_{unit_};
-  Clock::time_point last_ = Clock::now();
-  double waited_ = 0;  // s, for the host
+  Clock::time_point reached_ = Clock::now();          // by the unit's time
+  std::optional<Clock::time_point> starved_since_{};  // it waits for the host
 };
 
 }  // namespace ferrobench::emulator
