@@ -15,7 +15,7 @@ TEST(Kill, NothingAcknowledgedIsLostAndNothingInvented) {
   EXPECT_TRUE(figures.failures.empty());
   EXPECT_GT(figures.rows_recovered, 0u);
   EXPECT_GT(figures.outcomes[0], 0);
-  if (opened >= 0) EXPECT_GT(opened, 0);
+  EXPECT_NE(opened, 0);  // -1 without h5py
   std::filesystem::remove_all(folder);
 }
 

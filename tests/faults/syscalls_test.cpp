@@ -61,9 +61,9 @@ class Syscalls : public ::testing::TestWithParam<const char*> {
     ASSERT_LE(part.size(), whole.size());
     for (const auto channel : recordings::all_channels) {
       ASSERT_EQ(part.has(channel), whole.has(channel));
-      if (part.has(channel))
-        EXPECT_TRUE(std::equal(part.at(channel).begin(), part.at(channel).end(), whole.at(channel).begin()))
-            << channel_name(channel);
+      EXPECT_TRUE(!part.has(channel) ||
+                  std::equal(part.at(channel).begin(), part.at(channel).end(), whole.at(channel).begin()))
+          << channel_name(channel);
     }
   }
 
@@ -86,7 +86,7 @@ TEST_P(Syscalls, AFailureIsReportedOrHasNoEffect) {
     const auto said = run(kind, at);
     ASSERT_TRUE(said.code == 0 || said.code == 1) << said.code << said.err;
     EXPECT_EQ(said.err.find("may not be at zero"), std::string::npos) << said.err;
-    if (harmless) EXPECT_EQ(said.code, 0) << said.err;
+    EXPECT_TRUE(said.code == 0 || !harmless) << said.err;
     if (said.code == 0) {
       ++without_effect;
       const auto r = recordings::read_recording(file());
@@ -108,7 +108,7 @@ TEST_P(Syscalls, AFailureIsReportedOrHasNoEffect) {
   }
   std::cout << kind << ": " << count << " calls; " << without_effect << " without effect, " << reported
             << " reported, " << recovered << " of them left to recovery\n";
-  if (!harmless) EXPECT_GT(reported, 0);
+  EXPECT_TRUE(reported > 0 || harmless);
 }
 using SlowDisk = Syscalls;
 
