@@ -5,9 +5,9 @@
 namespace ferrobench::recordings {
 namespace {
 
-hdf5::Handle create(const std::string& path) {
+hdf5::Handle create(hdf5::Target& target, const std::string& path) {
   hdf5::prepare_thread();
-  auto access = hdf5::unlocked_access();
+  auto access = target.access();
   // Version 1.10 puts checksums on everything.
   H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110);
   auto creation = hdf5::properties(H5Pcreate(H5P_FILE_CREATE));
@@ -46,7 +46,7 @@ std::string channel_place(Channel channel) {
 
 OutputFile::OutputFile(const std::string& path, const Header& header, std::span<const Channel> channels,
                        std::span<const RawColumn> raw, std::uint64_t rows)
-    : rows_(rows), raw_width_(raw.size()), out_(create(path), path) {
+    : rows_(rows), raw_width_(raw.size()), target_(path), out_(create(target_, path), path) {
   write_header(header);
   make_columns(header, channels);
   out_.group("/entry/events", "NXcollection");
@@ -177,6 +177,7 @@ void OutputFile::write(std::uint64_t first, const Rows& rows) {
       put(columns_.at(i), H5T_NATIVE_DOUBLE, 0, rows.channels.at(i).data(), channel_place(channel));
   }
   if (counts_) put(counts_, H5T_NATIVE_INT16, raw_width_, rows.counts.data(), "/entry/instrument/raw/ai");
+  target_.check();
 }
 
 void OutputFile::write_closing(const Closing& closing) {
@@ -216,6 +217,7 @@ void OutputFile::close() {
   for (auto& column : columns_) column.close();
   counts_.close();
   out_.close();
+  target_.check();
 }
 
 }  // namespace ferrobench::recordings

@@ -8,6 +8,7 @@
 
 #include "recordings/file.h"
 #include "recordings/hdf5_output.h"
+#include "recordings/hdf5_target.h"
 
 namespace ferrobench::recordings {
 
@@ -40,6 +41,7 @@ class OutputFile {
 
   std::uint64_t rows_;
   std::size_t raw_width_ = 0;
+  hdf5::Target target_;
   hdf5::Output out_;
   hdf5::Handle time_;
   std::array<hdf5::Handle, 5> columns_;

@@ -101,7 +101,7 @@ void Writer::finish(const std::string& status, const std::string& reason,
       state->pack_journal(ending);
       break;
     } catch (const Error& error) {
-      // What HDF5 was interrupted in goes well the second time.
+      // A failure that came once may not come again.
       if (attempt == 1 && error.code() != ErrorCode::disk_full) continue;
       auto problems = error.problems();
       problems.push_back({.message = "the samples are kept in the journal",
