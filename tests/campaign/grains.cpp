@@ -40,7 +40,7 @@ Grains::Grains(const Nodes& nodes)
       next_minus(minus) {}
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-__attribute__((target_clones("arch=x86-64-v3", "default")))
+__attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #endif
 MeanFractions
 advance(const RateLaw& given, Grains& g, double h, const LoadPoint& early, const LoadPoint& late) {
