@@ -65,6 +65,31 @@ BenchRecording under(const Setting& setting, const BenchRecording& recording) {
   return out;
 }
 
+namespace {
+
+// A solver's steps do not know of a sensor, so there no noise of theirs forbids small differences; and what
+// is limited has kinks, which want them.
+double difference_of(const Effect& effect) {
+  switch (effect.family) {
+    case Family::charge_sensor:
+    case Family::displacement_sensor:
+    case Family::force_sensor:
+      return 1e-4;
+    default:
+      return effect.parameters.front().limit_of == LimitOf::nothing ? Coordinate{}.difference : 0.01;
+  }
+}
+
+// Of "effects.ID.PARAMETER"; null for other paths.
+const Effect* effect_at(std::string_view path) {
+  constexpr std::string_view begin = "effects.";
+  if (!path.starts_with(begin)) return nullptr;
+  path.remove_prefix(begin.size());
+  return &find_effect(path.substr(0, path.find('.')));
+}
+
+}  // namespace
+
 Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>& bench) {
   Hypothesis out{.model = model, .coordinates = {}, .base_count = 0};
   for (const auto& path : parameter_paths(model)) {
@@ -74,7 +99,9 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
     if (!wanted || path == "material.temperature") continue;
     const double value = get_parameter(model, path);
     // What is zero is absent; to switch it on is an effect.
-    if (value != 0) out.coordinates.push_back(with_prior(path, value, known_to));
+    if (value == 0) continue;
+    out.coordinates.push_back(with_prior(path, value, known_to));
+    if (const auto* effect = effect_at(path)) out.coordinates.back().difference = difference_of(*effect);
   }
   const auto any = [&](auto&& test) { return std::ranges::any_of(bench, test); };
   if (any([](const BenchRecording& r) { return r.header.load.spring_stiffness > 0; }))
@@ -115,6 +142,7 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
     c.path = "effects." + setting.id + "." + std::string(p.name);
     c.from = values[i];
     c.prior = false;
+    c.difference = difference_of(effect);
     const bool linear = p.any_sign && i == 0;
     c.logarithmic = !linear;
     // A frequency is known far better than any other shape.

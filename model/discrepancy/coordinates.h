@@ -23,6 +23,7 @@ struct Coordinate {
   bool logarithmic = true;
   bool prior = true;
   double low = 0, high = 0;  // of z
+  double difference = 0.1;   // of z, to take a slope over
 
   double value(double z) const;
   double slope(double z) const;  // d value / dz

@@ -6,8 +6,8 @@
 namespace ferrobench::model::discrepancy {
 namespace {
 
-constexpr double difference = 0.1;  // in z
 // A sum of squares so many times its number is no minimum that anything is told from.
+constexpr int most_rounds = 4;
 constexpr double worth_the_last_steps = 1.3;
 
 double priors(const Hypothesis& h, const Eigen::VectorXd& z) {
@@ -30,18 +30,18 @@ void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from) {
   std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
   std::vector<double> steps;
   for (Eigen::Index i = from; i < n; ++i) {
-    auto z = fit.z;
     const auto& c = fit.hypothesis.coordinates[static_cast<std::size_t>(i)];
-    const double step = z[i] + difference > c.high ? -difference : difference;
-    z[i] += step;
-    places.emplace_back(&fit.hypothesis, std::move(z));
-    steps.push_back(step);
+    auto up = fit.z, down = fit.z;
+    up[i] = std::min(c.high, up[i] + c.difference);
+    down[i] = std::max(c.low, down[i] - c.difference);
+    steps.push_back(up[i] - down[i]);
+    places.emplace_back(&fit.hypothesis, std::move(up));
+    places.emplace_back(&fit.hypothesis, std::move(down));
   }
   const auto moved = misfit.residuals(places);
   fit.jacobian.conservativeResize(misfit.size(), n);
-  for (Eigen::Index i = from; i < n; ++i)
-    fit.jacobian.col(i) = (fit.corrected(moved[static_cast<std::size_t>(i - from)]) - fit.residual) /
-                          steps[static_cast<std::size_t>(i - from)];
+  for (std::size_t i = 0; i < steps.size(); ++i)
+    fit.jacobian.col(from + static_cast<Eigen::Index>(i)) = (moved[2 * i] - moved[2 * i + 1]) / steps[i];
 }
 
 }  // namespace
@@ -146,12 +146,16 @@ void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::functio
   f = fit(misfit, f.hypothesis, f.z, {.iterations = 12, .refreshes = 2, .enough = 1, .tick = tick}, &f);
   refresh(misfit, f);
   if (f.squares < worth_the_last_steps * static_cast<double>(misfit.size())) {
-    f.correction.resize(0);
     // The last steps by the fine simulation itself, with the usual one's slopes and what they learn on the
     // way.
-    f = fit(fine, f.hypothesis, f.z, {.iterations = 15, .refreshes = 0, .enough = 0.5, .tick = tick}, &f);
-    correct(misfit, fine, f);
-    refresh(misfit, f);
+    for (int round = 0; round < most_rounds; ++round) {
+      const double before = f.squares;
+      f.correction.resize(0);
+      f = fit(fine, f.hypothesis, f.z, {.iterations = 6, .refreshes = 0, .enough = 0.5, .tick = tick}, &f);
+      correct(misfit, fine, f);
+      refresh(misfit, f);
+      if (before - f.squares < 2) break;
+    }
   }
 }
 

@@ -113,6 +113,26 @@ Misfit::Times RecordingMisfit::times() const {
   return out;
 }
 
+std::vector<double> RecordingMisfit::limits(const EffectParameter& parameter) const {
+  double highest = 0;
+  for (const std::size_t r : chosen_) {
+    const auto& b = bench_[r];
+    if (parameter.limit_of == LimitOf::displacement) {
+      if (const auto* m = b.find(recordings::Channel::displacement))
+        for (const double v : m->value)
+          if (std::abs(v) > highest) highest = std::abs(v);
+    } else if (parameter.limit_of == LimitOf::field_rate) {
+      for (std::size_t k = 1; k < b.knot_time.size(); ++k)
+        if (const double time = b.knot_time[k] - b.knot_time[k - 1]; time > 0)
+          highest = std::max(highest, std::abs(b.knot_field[k] - b.knot_field[k - 1]) / time);
+    }
+  }
+  std::vector<double> out;
+  if (highest > 0)
+    for (const double share : {0.995, 0.96, 0.9, 0.8, 0.6, 0.3}) out.push_back(share * highest);
+  return out;
+}
+
 std::vector<std::vector<double>> RecordingMisfit::channels(const Setting& setting,
                                                            std::size_t recording) const {
   const auto at = under(setting, bench_[recording]);

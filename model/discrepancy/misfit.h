@@ -47,6 +47,8 @@ class Misfit {
   // each start.
   virtual std::vector<double> tones(const Eigen::VectorXd& residual, const EffectParameter& range,
                                     std::size_t count) const = 0;
+  // Where a limit would show, from hardly to plainly; none for what is no limit.
+  virtual std::vector<double> limits(const EffectParameter& parameter) const = 0;
 
  protected:
   Misfit(SimulationOptions simulation, int threads) : simulation_(simulation), threads_(threads) {}
@@ -74,6 +76,7 @@ class RecordingMisfit final : public Misfit {
   Times times() const override;
   std::vector<double> tones(const Eigen::VectorXd& residual, const EffectParameter& range,
                             std::size_t count) const override;
+  std::vector<double> limits(const EffectParameter& parameter) const override;
 
   // Drives that were read from a measured field are uncertain, and what that does to the residuals is no
   // misfit: the residuals become those of the marginal likelihood over the drives' knots, linear around

@@ -29,10 +29,20 @@ std::vector<const Effect*> without(const std::vector<const Effect*>& all,
 
 using Starts = std::vector<std::vector<double>>;
 
-// Weaker and stronger, and of other shapes.
-Starts starts_around(const Effect& effect, const std::vector<double>& values) {
-  const Amplitude amplitude(effect.parameters.front());
+// Limits at what was reached; none for other effects.
+Starts limits_in(const Misfit& misfit, const Effect& effect, std::vector<double> values) {
   Starts out;
+  for (const double limit : misfit.limits(effect.parameters.front())) {
+    values.front() = limit;
+    out.push_back(values);
+  }
+  return out;
+}
+
+// Weaker and stronger, and of other shapes.
+Starts starts_around(const Misfit& misfit, const Effect& effect, const std::vector<double>& values) {
+  const Amplitude amplitude(effect.parameters.front());
+  Starts out = limits_in(misfit, effect, values);
   for (const double factor : {1.0, 0.3, 3.0, 0.1}) {
     out.push_back(values);
     out.back().front() = amplitude.value(factor * amplitude.strength(values.front()));
@@ -47,11 +57,12 @@ Starts starts_around(const Effect& effect, const std::vector<double>& values) {
 }
 
 // Over the plausible range.
-Starts starts_of(const Effect& effect) {
+Starts starts_of(const Misfit& misfit, const Effect& effect) {
   const Amplitude amplitude(effect.parameters.front());
   std::vector<double> values;
   for (const auto& p : effect.parameters) values.push_back(std::sqrt(p.low * p.high));
-  Starts out;
+  Starts out = limits_in(misfit, effect, values);
+  if (!out.empty()) return out;
   for (const double share : {0.2, 0.5, 0.8}) {
     values.front() = amplitude.value(amplitude.weak * std::pow(amplitude.strong / amplitude.weak, share));
     out.push_back(values);
@@ -178,7 +189,7 @@ void Namer::refit(std::vector<Trial>& into, const Fit& from, const std::vector<c
   }
   add(from_base(from, s, few_steps(limits.tick)), true);
   // A second one was screened beside the first, so its strength is about right.
-  const auto starts = before.empty() ? starts_around(*s.effect, s.values) : Starts{s.values};
+  const auto starts = before.empty() ? starts_around(misfit_, *s.effect, s.values) : Starts{s.values};
   add(from_rest(rest_of(from), *s.effect, starts, limits.tick), true);
   if (before.empty()) from_rest_.insert(s.effect);
 }
@@ -296,10 +307,10 @@ void Namer::try_from_rest() {
   for (std::size_t i = 0, tried = 0; i < out_.trials.size() && tried < most_best; ++i) {
     const auto& t = out_.trials[i];
     if (t.effects.size() > 1) continue;
-    start(*t.effects[0], starts_around(*t.effects[0], values_in(t, 0)));
+    start(*t.effects[0], starts_around(misfit_, *t.effects[0], values_in(t, 0)));
     ++tried;
   }
-  for (const auto* e : options_.candidates) start(*e, starts_of(*e));
+  for (const auto* e : options_.candidates) start(*e, starts_of(misfit_, *e));
   const auto sort = [&] {
     for (auto& t : rested) t.drop = base_.squares - t.fit.squares;
     best_first(rested);

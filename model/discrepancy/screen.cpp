@@ -60,7 +60,11 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
     double start = std::sqrt(amplitude.weak * amplitude.strong);
     for (const auto& before : options.before)
       if (before.effect == &effect && before.across > 0) start = before.strength;
-    for (auto& shapes : grid) probes.push_back({.effect = e, .shapes = std::move(shapes), .strength = start});
+    for (auto& shapes : grid) {
+      for (const double limit : misfit.limits(effect.parameters.front()))
+        probes.push_back({.effect = e, .shapes = shapes, .strength = amplitude.strength(limit)});
+      probes.push_back({.effect = e, .shapes = std::move(shapes), .strength = start});
+    }
   }
   const auto values_of = [&](const Probe& p) {
     const Amplitude amplitude(out[p.effect].effect->parameters.front());
@@ -124,6 +128,7 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
           s.strength = p.strength;
         }
         double scale = d.along / d.across;
+        const bool turned = scale < 0 && amplitude.any_sign;
         if (scale < 0) {
           if (amplitude.any_sign) {
             p.sign = -p.sign;
@@ -137,6 +142,7 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
         }
         if (scale < 0.7) p.too_strong = std::min(p.too_strong, p.strength);
         go_to(p.strength * std::clamp(scale, 0.05, 20.0));
+        p.done = p.done && !turned;
       }
       if (options.tick)
         options.tick((round + static_cast<double>(end) / static_cast<double>(open.size())) / options.rounds);

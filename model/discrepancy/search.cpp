@@ -142,7 +142,7 @@ SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const Si
   };
   SimulationOptions out;
   for (const auto& [tolerance, domains] :
-       {std::pair{1e-4, 250}, {1e-4, 500}, {1e-4, 1000}, {1e-4, 2000}, {5e-5, 4000}}) {
+       {std::pair{1e-5, 250}, {1e-5, 500}, {1e-5, 1000}, {1e-5, 2000}, {1e-5, 4000}}) {
     out = {.tolerance = tolerance, .domains = domains};
     if (apart(at(out), exact) < well_below) break;
   }

@@ -32,6 +32,7 @@ class TableMisfit final : public Misfit {
   std::vector<double> tones(const Eigen::VectorXd&, const EffectParameter&, std::size_t) const override {
     return {};
   }
+  std::vector<double> limits(const EffectParameter&) const override { return {}; }
 
  private:
   std::size_t parts() const override { return 1; }

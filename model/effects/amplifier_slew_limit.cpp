@@ -41,7 +41,7 @@ Effect effect_amplifier_slew_limit() {
   return {.id = "amplifier_slew_limit",
           .equation = "|E_mon'| <= rate",
           .family = Family::drive,
-          .parameters = {{"rate", "V/m/s", 1e5, 1e10, Sign::off_at_infinity}},
+          .parameters = {{"rate", "V/m/s", 1e5, 1e10, Sign::off_at_infinity, LimitOf::field_rate}},
           .shows = "field against command on ramps faster than the limit; all channels follow",
           .install = [](std::span<const double> v, Model&, Ports& ports) {
             ports.drive.push_back(std::make_unique<SlewLimit>(v[0]));

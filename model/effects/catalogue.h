@@ -31,22 +31,27 @@ std::string_view family_name(Family family);
 // off_at_infinity: above zero, and the effect fades as the value grows (a resistivity, a limit).
 enum class Sign { not_negative, above_zero, off_at_infinity, any };
 
+// Below its limit such an effect does nothing at all, so a search begins at what was reached.
+enum class LimitOf { nothing, displacement, field_rate };
+
 struct EffectParameter {
   EffectParameter(std::string_view its_name, std::string_view its_unit, double from, double to,
-                  Sign sign = Sign::not_negative)
+                  Sign sign = Sign::not_negative, LimitOf what = LimitOf::nothing)
       : name(its_name),
         unit(its_unit),
         low(from),
         high(to),
         any_sign(sign == Sign::any),
         above_zero(sign == Sign::above_zero || sign == Sign::off_at_infinity),
-        off_at_infinity(sign == Sign::off_at_infinity) {}
+        off_at_infinity(sign == Sign::off_at_infinity),
+        limit_of(what) {}
   std::string_view name;
   std::string_view unit;
   double low = 0, high = 0;  // plausible range
   bool any_sign = false;     // the range holds for the magnitude
   bool above_zero = false;   // zero has no meaning
   bool off_at_infinity = false;
+  LimitOf limit_of = LimitOf::nothing;
 };
 
 struct Effect {

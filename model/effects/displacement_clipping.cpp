@@ -9,7 +9,7 @@ Effect effect_displacement_clipping() {
   return {.id = "displacement_clipping",
           .equation = "xm = clamp(x, -limit, limit)",
           .family = Family::displacement_sensor,
-          .parameters = {{"limit", "m", 1e-7, 1e-4, Sign::off_at_infinity}},
+          .parameters = {{"limit", "m", 1e-7, 1e-4, Sign::off_at_infinity, LimitOf::displacement}},
           .shows = "displacement is flat at its ends; not in the force",
           .install = [](std::span<const double> v, Model&, Ports& ports) {
             ports.displacement.push_back(
