@@ -7,6 +7,9 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 // A sum of squares so many times its number is no minimum that anything is told from.
+// Slopes are taken over differences that change the residual by so much, far above the noise of a solver that
+// chooses its steps, and far below where a switching or a ringing specimen is no longer linear.
+constexpr double response = 100, least_difference = 0.002;
 constexpr int most_rounds = 4;
 constexpr double worth_the_last_steps = 1.3;
 
@@ -31,9 +34,13 @@ void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from) {
   std::vector<double> steps;
   for (Eigen::Index i = from; i < n; ++i) {
     const auto& c = fit.hypothesis.coordinates[static_cast<std::size_t>(i)];
+    double difference = c.difference;
+    if (i < fit.jacobian.cols())
+      difference = std::clamp(response / fit.jacobian.col(i).norm(), std::min(least_difference, difference),
+                              difference);
     auto up = fit.z, down = fit.z;
-    up[i] = std::min(c.high, up[i] + c.difference);
-    down[i] = std::max(c.low, down[i] - c.difference);
+    up[i] = std::min(c.high, up[i] + difference);
+    down[i] = std::max(c.low, down[i] - difference);
     steps.push_back(up[i] - down[i]);
     places.emplace_back(&fit.hypothesis, std::move(up));
     places.emplace_back(&fit.hypothesis, std::move(down));
@@ -96,7 +103,7 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
     refresh(misfit, out);
     ++refreshes;
   }
-  double damping = 1e-3, gained = 0;
+  double damping = limits.damping, gained = 0;
   for (int i = 0; i < limits.iterations; ++i) {
     if (limits.tick) limits.tick();
     const Eigen::MatrixXd normal = out.normal();
@@ -143,7 +150,8 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
 
 void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::function<void()>& tick) {
   correct(misfit, fine, f);
-  f = fit(misfit, f.hypothesis, f.z, {.iterations = 12, .refreshes = 2, .enough = 1, .tick = tick}, &f);
+  f = fit(misfit, f.hypothesis, f.z,
+          {.iterations = 12, .refreshes = 2, .enough = 1, .damping = 1e-7, .tick = tick}, &f);
   refresh(misfit, f);
   if (f.squares < worth_the_last_steps * static_cast<double>(misfit.size())) {
     // The last steps by the fine simulation itself, with the usual one's slopes and what they learn on the
@@ -151,7 +159,8 @@ void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::functio
     for (int round = 0; round < most_rounds; ++round) {
       const double before = f.squares;
       f.correction.resize(0);
-      f = fit(fine, f.hypothesis, f.z, {.iterations = 6, .refreshes = 0, .enough = 0.5, .tick = tick}, &f);
+      f = fit(fine, f.hypothesis, f.z,
+              {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = 1e-7, .tick = tick}, &f);
       correct(misfit, fine, f);
       refresh(misfit, f);
       if (before - f.squares < 2) break;
