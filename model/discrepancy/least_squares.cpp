@@ -6,11 +6,11 @@
 namespace ferrobench::model::discrepancy {
 namespace {
 
-// A sum of squares so many times its number is no minimum that anything is told from.
 // Slopes are taken over differences that change the residual by so much, far above the noise of a solver that
 // chooses its steps, and far below where a switching or a ringing specimen is no longer linear.
 constexpr double response = 100, least_difference = 0.002;
 constexpr int most_rounds = 4;
+// A sum of squares so many times its number is no minimum that anything is told from.
 constexpr double worth_the_last_steps = 1.3;
 
 double priors(const Hypothesis& h, const Eigen::VectorXd& z) {

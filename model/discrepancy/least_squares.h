@@ -23,10 +23,9 @@ struct Fit {
 
 struct FitLimits {
   int iterations = 12;
-  int refreshes = 2;    // full Jacobians, at most
-  double enough = 0.5;  // a smaller gain, or a smaller share than 1e-4 of what was gained, ends it
-  double damping =
-      1e-3;  // of the first step, a share of the diagonal; falls where steps do what they promise
+  int refreshes = 2;      // full Jacobians, at most
+  double enough = 0.5;    // a smaller gain, or a smaller share than 1e-4 of what was gained, ends it
+  double damping = 1e-3;  // of the first step, a share of the diagonal; less where steps keep their promise
   std::function<void()> tick;  // called after each simulation round; may throw
 };
 

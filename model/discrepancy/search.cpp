@@ -25,7 +25,9 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
   for (int start = 1; start < base_starts; ++start) {
     auto z = at_rest(base);
     for (double& v : z) v = normal(random);
-    limits.tick = [&] { options.tick("recalibrating from other starts", 0.1 + 0.15 * start / base_starts); };
+    limits.tick = [&, start] {
+      options.tick("recalibrating from other starts", 0.1 + 0.15 * start / base_starts);
+    };
     auto other = fit(misfit, base, z, limits);
     least = std::min(least, other.squares);
     if (other.squares < 0.98 * best.squares) best = std::move(other);
