@@ -14,6 +14,9 @@ SCALES = {
     ("creep", "displacement_"): ("stroke", "stroke_um"),
     ("creep", "polarization_"): ("hysteresis", "remanent_falling_C_per_m2"),
 }
+# A specimen on a real device waits for its first field, and depoles under its prestress meanwhile: what the first cycle
+# begins with says how long.
+FIRST_CYCLE = ("hysteresis", "cycle", 1)
 # How long a drift of hardly more than the noise takes to come to its half says nothing.
 LEFT_OUT = ("_time_to_half_s",)
 
@@ -44,6 +47,8 @@ def main():
         if len(rows) != len(others):
             sys.exit(f"{name}: {len(rows)} rows against {len(others)}")
         for row, other in zip(rows, others):
+            if name == FIRST_CYCLE[0] and row.get(FIRST_CYCLE[1]) == FIRST_CYCLE[2]:
+                continue
             for key, value in row.items():
                 if not isinstance(value, float) or not isinstance(other.get(key), float):
                     if type(value) is not type(other.get(key)):
