@@ -64,9 +64,9 @@ Header read_header(const Input& in) {
   const auto charge = channel_place(Channel::charge);
   if (in.has(charge)) {
     const auto reference = in.text_attribute(charge, "reference");
-    if (!reference) in.fail(charge + "@reference", "is missing", "\"absolute\" or \"first_sample\"");
+    if (!reference) in.fail(charge + "@reference", "is missing", R"("absolute" or "first_sample")");
     if (*reference != "absolute" && reference->find("first") == std::string::npos)
-      in.fail(charge + "@reference", "must be \"absolute\" or \"first_sample\"");
+      in.fail(charge + "@reference", R"(must be "absolute" or "first_sample")");
     h.charge_reference = *reference == "absolute" ? ChargeReference::absolute : ChargeReference::first_sample;
   }
   return h;

@@ -58,7 +58,7 @@ void demand_same_run(const std::string& path, const JournalReader& journal) {
 
 std::string seconds(double value) {
   std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.3f s", value);
+  (void)std::snprintf(text.data(), text.size(), "%.3f s", value);
   return text.data();
 }
 

@@ -32,10 +32,10 @@ struct Recovery {
 // The recordings (their own paths, whether there yet or not) that a journal lies beside, in the folder and
 // those in it.
 std::vector<std::string> find_broken(const std::string& folder);
-// `path`: of the recording or of its journal. Error(not_found) if neither is there, Error(bad_recording) if
-// nothing can be read from the journal, which then stays, Error(busy) if a file of another run has the name,
-// Error(disk_full | io_error).
-Recovery recover_recording(const std::string& path, const std::function<void(double)>& progress = nullptr);
+// `given`: path of the recording or of its journal. Error(not_found) if neither is there,
+// Error(bad_recording) if nothing can be read from the journal, which then stays, Error(busy) if a file of
+// another run has the name, Error(disk_full | io_error).
+Recovery recover_recording(const std::string& given, const std::function<void(double)>& progress = nullptr);
 
 // Whether a journal lies beside a recording, and whether somebody is writing it.
 enum class JournalState { none, left, being_written };
