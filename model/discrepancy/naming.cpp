@@ -386,7 +386,10 @@ Naming Namer::find() {
                                           }});
   try_singles();
   out_.detected = !out_.trials.empty() && score(out_.trials.front(), samples_) > options_.detect;
-  if (!out_.detected) return std::move(out_);
+  if (!out_.detected) {
+    if (options_.beyond_effects) out_.left = options_.beyond_effects(base_);
+    return std::move(out_);
+  }
   compare_the_best();
 
   // Is one effect enough? The best, and those as good as it.

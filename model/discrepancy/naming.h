@@ -35,6 +35,7 @@ struct Naming {
   std::vector<Trial> trials;       // best first: sufficient ones before the others
   bool detected = false;
   double excess = 0;  // of the base fit's sum of squares over their number
+  double left = 0;    // if nothing was detected: what functions of the signals would still take off it
 };
 
 // What may be left after an explanation that brought this drop: nothing detectable, or what is small against

@@ -14,15 +14,20 @@ double logistic(double x) {
   return 1 / (1 + std::exp(-x));
 }
 
+// From 0 to 1 as a drop passes what can be detected.
+double rises_at(double detect, double drop) {
+  return logistic((drop - detect) / (0.15 * detect));
+}
+
 }  // namespace
 
 Judgement judge(const Naming& naming, const NamingOptions& options, double samples) {
   Judgement out;
-  if (!naming.detected && naming.excess > plain_excess) {
+  if (!naming.detected && (naming.excess > plain_excess || naming.left > options.detect)) {
     // Nothing that is known would help, but this is not noise.
     out.verdict = Verdict::unknown;
-    out.probability_unknown = certain;
-    out.probability_nothing = 1 - certain;
+    out.probability_unknown = naming.excess > plain_excess ? certain : rises_at(options.detect, naming.left);
+    out.probability_nothing = 1 - out.probability_unknown;
     return out;
   }
   if (naming.trials.empty()) {
@@ -30,7 +35,7 @@ Judgement judge(const Naming& naming, const NamingOptions& options, double sampl
     return out;
   }
   const double best_any = score(naming.trials.front(), samples);
-  out.probability_nothing = logistic((options.detect - best_any) / (0.15 * options.detect));
+  out.probability_nothing = 1 - rises_at(options.detect, best_any);
   std::vector<const Trial*> enough;
   double least_left = std::numeric_limits<double>::infinity();
   for (const auto& t : naming.trials) {
