@@ -15,8 +15,8 @@ class ReplayDevice final : public Device {
  public:
   // `config.file` is only a name here.
   ReplayDevice(recordings::Recording recording, const ReplayConfig& config);
-  // Throws Error(invalid_params | not_found | bad_recording).
-  static std::unique_ptr<Device> open(const nlohmann::json& config);
+  // `json`: a ReplayConfig. Throws Error(invalid_params | not_found | bad_recording).
+  static std::unique_ptr<Device> open(const nlohmann::json& json);
 
   nlohmann::json info() const override;
   std::vector<recordings::RawColumn> columns() const override;

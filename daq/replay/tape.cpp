@@ -146,7 +146,8 @@ protocols::SampledWaveform Tape::program() const {
           rate_};
 }
 
-Limits Tape::limits(Limits l) const {
+Limits Tape::limits(Limits bench) const {
+  Limits l = bench;
   double step = 0;
   for (std::size_t i = 1; i < size(); ++i)
     step = std::max(step, std::abs((*command_)[i] - (*command_)[i - 1]));

@@ -195,6 +195,19 @@ TEST(Discrepancy, AnotherProgramIsNoEffect) {
   EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
 }
 
+// A specimen that warms up from recording to recording: too little for any effect to gain by it, but not noise.
+TEST(Discrepancy, WhatNoEffectExplainsIsUnknown) {
+  std::vector<NamedRecording> recordings;
+  auto bench = real_bench();
+  std::uint64_t seed = 10;
+  for (const auto& plan : plans()) {
+    recordings.push_back({plan.name, record(bench, plan, ++seed)});
+    bench.material.relaxation_time *= 0.96;
+  }
+  const auto found = discover(given(), recordings);
+  EXPECT_EQ(found.verdict, Verdict::unknown) << text_report(found);
+}
+
 TEST(Discrepancy, AMeasuredDriveIsUncertain) {
   auto recordings = measure(real_bench());
   for (auto& [name, r] : recordings) {
