@@ -1,6 +1,7 @@
 #include "model/discrepancy/discover.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -28,7 +29,8 @@ namespace {
 
 constexpr std::size_t rows_together = 40000;
 // Its error does not show: the usual simulation is corrected by it.
-constexpr SimulationOptions fine_simulation{.tolerance = 3e-5, .domains = 8000, .shift = 7};
+constexpr SimulationOptions fine_simulation{.tolerance = 3e-5, .shift = 7};
+constexpr std::array fine_domains{1000, 2000, 4000, 8000, 16000};
 
 using Clock = std::chrono::steady_clock;
 
@@ -88,14 +90,14 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
     }
 
   const auto hypothesis = base_hypothesis(base, s.bench);
-  const auto simulation = choose_simulation(
+  const auto simulations = choose_simulations(
       [&](const SimulationOptions& simulation_options) {
         return RecordingMisfit(s.bench, s.noise, s.train, simulation_options, s.threads)
             .residuals(hypothesis, at_rest(hypothesis));
       },
-      fine_simulation, s.out.health);
-  RecordingMisfit misfit(s.bench, s.noise, s.train, simulation, s.threads);
-  RecordingMisfit fine(s.bench, s.noise, s.train, fine_simulation, s.threads);
+      fine_simulation, fine_domains, s.out.health);
+  RecordingMisfit misfit(s.bench, s.noise, s.train, simulations.usual, s.threads);
+  RecordingMisfit fine(s.bench, s.noise, s.train, simulations.fine, s.threads);
   const auto found =
       search(misfit, fine, hypothesis,
              {.candidates = candidates,
@@ -134,7 +136,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   out.train.before = rms_by_channel(fine, residuals);
   out.train.after = rms_by_channel(fine, plain_residuals(fine, after.hypothesis, after.z));
   if (!s.held_out.empty()) {
-    const RecordingMisfit locked(s.bench, s.noise, s.held_out, fine_simulation, s.threads);
+    const RecordingMisfit locked(s.bench, s.noise, s.held_out, simulations.fine, s.threads);
     out.held_out.before = rms_by_channel(locked, plain_residuals(locked, fitted.hypothesis, fitted.z));
     out.held_out.after = rms_by_channel(locked, plain_residuals(locked, after.hypothesis, after.z));
     out.traces = traces(locked, fitted.hypothesis, fitted.z, after.hypothesis, after.z, 2, true);

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -68,12 +69,12 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
     (std::ranges::find(locked, run) == locked.end() ? out.train : out.held_out).recordings.push_back(run);
 
   const auto hypothesis = base_hypothesis(base, {});
-  const auto simulation = choose_simulation(
+  const auto simulations = choose_simulations(
       [&](const SimulationOptions& s) {
         return TableMisfit(experiments, train, s, threads).residuals(hypothesis, at_rest(hypothesis));
       },
-      fine_for_tables, out.health);
-  const TableMisfit misfit(experiments, train, simulation, threads);
+      fine_for_tables, std::array{fine_for_tables.domains}, out.health);
+  const TableMisfit misfit(experiments, train, simulations.usual, threads);
   const TableMisfit fine(experiments, train, fine_for_tables, threads);
   const auto found = search(misfit, fine, hypothesis,
                             {.candidates = candidates_of(base, options.candidates),

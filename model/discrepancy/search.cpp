@@ -135,25 +135,29 @@ std::vector<const Effect*> candidates_of(const Model& model, const std::vector<s
   return out;
 }
 
-SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
-                                    const SimulationOptions& fine, Health& health) {
+Simulations choose_simulations(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
+                               const SimulationOptions& fine, std::span<const int> domains, Health& health) {
+  constexpr double unnoticed = 6;      // of the sum of squares, where 60 is something
   constexpr double well_below = 0.35;  // of the noise; what there is of it is corrected for
-  const auto exact = at(fine);
-  const auto apart = [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-    return (a - b).norm() / std::sqrt(static_cast<double>(std::max<Eigen::Index>(1, a.size())));
-  };
-  SimulationOptions out;
-  for (const auto& [tolerance, domains] :
-       {std::pair{1e-5, 250}, {1e-5, 500}, {1e-5, 1000}, {1e-5, 2000}, {1e-5, 4000}}) {
-    out = {.tolerance = tolerance, .domains = domains};
-    if (apart(at(out), exact) < well_below) break;
+  Simulations out{.usual = {}, .fine = fine};
+  Eigen::VectorXd exact;
+  for (const int count : domains) {
+    out.fine.domains = count;
+    exact = at(out.fine);
+    // Two lattices of domains differ by what either is wrong.
+    auto other = out.fine;
+    other.shift = 3;
+    const double squares = (at(other) - exact).squaredNorm() / 2;
+    health.numerical_error_over_noise =
+        std::sqrt(squares / static_cast<double>(std::max<Eigen::Index>(1, exact.size())));
+    if (squares < unnoticed) break;
   }
-  // Two lattices of domains differ by what either is wrong.
-  auto other = fine;
-  other.shift = 3;
-  health.numerical_error_over_noise = apart(at(other), exact) / std::sqrt(2.0);
   if (health.numerical_error_over_noise > 0.05)
     health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
+  for (const int count : {250, 500, 1000, 2000, 4000}) {
+    out.usual = {.tolerance = 1e-5, .domains = count};
+    if ((at(out.usual) - exact).norm() < well_below * std::sqrt(static_cast<double>(exact.size()))) break;
+  }
   return out;
 }
 

@@ -2,6 +2,8 @@
 // residuals are of, recordings or published tables, is the misfit's business.
 #pragma once
 
+#include <span>
+
 #include "model/discrepancy/discover.h"
 #include "model/discrepancy/verdict.h"
 
@@ -19,10 +21,14 @@ void check_held_out(const std::vector<std::string>& wanted, const std::vector<st
 // got and that mean something for it.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
 
-// The cheapest simulation whose own error is well below the noise: `at` gives the residuals that a simulation
-// leads to. The error of `fine`, which corrects it, goes to `health`.
-SimulationOptions choose_simulation(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
-                                    const SimulationOptions& fine, Health& health);
+// `usual`: the cheapest whose own error is well below the noise. `fine`, which corrects it: the first of
+// these numbers of domains with an error that no verdict would notice, else the last one.
+struct Simulations {
+  SimulationOptions usual, fine;
+};
+// `at` gives the residuals that a simulation leads to. The error of `fine` goes to `health`.
+Simulations choose_simulations(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
+                               const SimulationOptions& fine, std::span<const int> domains, Health& health);
 
 struct SearchOptions {
   std::vector<const Effect*> candidates;

@@ -53,11 +53,12 @@ int simulate(const RecordingOptions& o, const Common& common) {
   if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
   const auto simulation = server::simulate_recording(recordings::read_recording(path), model, path);
   recordings::write_recording(o.out, simulation.recording);
-  (void)std::fprintf(stderr,
-               "%zu samples simulated. Estimated errors: from steps in time %.1e of the switching range "
-               "(rms), from the "
-               "domain quadrature %.1e of the signal's range (rms).\n",
-               simulation.recording.size(), simulation.time_error, simulation.quadrature_error);
+  (void)std::fprintf(
+      stderr,
+      "%zu samples simulated. Estimated errors: from steps in time %.1e of the switching range "
+      "(rms), from the "
+      "domain quadrature %.1e of the signal's range (rms).\n",
+      simulation.recording.size(), simulation.time_error, simulation.quadrature_error);
   std::cout << o.out << '\n';
   return exit_ok;
 }

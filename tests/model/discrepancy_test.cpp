@@ -195,7 +195,8 @@ TEST(Discrepancy, AnotherProgramIsNoEffect) {
   EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
 }
 
-// A specimen that warms up from recording to recording: too little for any effect to gain by it, but not noise.
+// A specimen that warms up from recording to recording: too little for any effect to gain by it, but not
+// noise.
 TEST(Discrepancy, WhatNoEffectExplainsIsUnknown) {
   std::vector<NamedRecording> recordings;
   auto bench = real_bench();
@@ -245,8 +246,8 @@ TEST(Discrepancy, MovedParametersAreNoEffect) {
   const auto found = discover(given(), measure(real_bench()));
   EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
   EXPECT_TRUE(found.explanations.empty());
-  // The recalibration found its way to the bench, as near as it says, also where only what is known beforehand
-  // holds a parameter or a gain.
+  // The recalibration found its way to the bench, as near as it says, also where only what is known
+  // beforehand holds a parameter or a gain.
   double before = 0, after = 0;
   for (const auto& [path, r] : found.recalibrated) {
     const bool of_model = path.starts_with("material.") || path.starts_with("polycrystal.");
