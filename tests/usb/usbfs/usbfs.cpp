@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstring>
 
+#include "host/kernel_status.h"
 #include "unit/bytes.h"
 #include "unit/requests.h"
 
@@ -45,19 +46,7 @@ UMockdevIoctlData* follow(UMockdevIoctlData& data, std::size_t offset, std::size
 }
 
 int status_of(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::ok:
-      return 0;
-    case Outcome::stall:
-      return -EPIPE;
-    case Outcome::gone:
-      return -ESHUTDOWN;
-    case Outcome::babble:
-      return -EOVERFLOW;
-    case Outcome::cancelled:
-      return -ENOENT;
-  }
-  return -EPROTO;
+  return kernel_status(outcome, -ENOENT);
 }
 
 Request request_of(std::span<const std::byte> setup) {

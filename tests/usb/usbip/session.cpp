@@ -2,6 +2,7 @@
 
 #include <cerrno>
 
+#include "host/kernel_status.h"
 #include "unit/bytes.h"
 #include "unit/requests.h"
 
@@ -10,19 +11,7 @@ namespace ferrobench::emulator::usbip {
 namespace {
 
 int status_of(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::ok:
-      return 0;
-    case Outcome::stall:
-      return -EPIPE;
-    case Outcome::gone:
-      return -ESHUTDOWN;
-    case Outcome::babble:
-      return -EOVERFLOW;
-    case Outcome::cancelled:
-      return -ECONNRESET;
-  }
-  return -EPROTO;
+  return kernel_status(outcome, -ECONNRESET);
 }
 
 }  // namespace
