@@ -15,6 +15,27 @@ Coordinate with_prior(std::string path, double from, double scale) {
   return {.path = std::move(path), .from = from, .scale = scale, .low = -farthest, .high = farthest};
 }
 
+// A solver's steps do not know of a sensor, so there no noise of theirs forbids small differences; and what
+// is limited has kinks, which want them.
+double difference_of(const Effect& effect) {
+  switch (effect.family) {
+    case Family::charge_sensor:
+    case Family::displacement_sensor:
+    case Family::force_sensor:
+      return 1e-4;
+    default:
+      return effect.parameters.front().limit_of == LimitOf::nothing ? Coordinate{}.difference : 0.01;
+  }
+}
+
+// Of "effects.ID.PARAMETER"; null for other paths.
+const Effect* effect_at(std::string_view path) {
+  constexpr std::string_view begin = "effects.";
+  if (!path.starts_with(begin)) return nullptr;
+  path.remove_prefix(begin.size());
+  return &find_effect(path.substr(0, path.find('.')));
+}
+
 }  // namespace
 
 double Coordinate::value(double z) const {
@@ -64,31 +85,6 @@ BenchRecording under(const Setting& setting, const BenchRecording& recording) {
     for (double& e : out.knot_field) e = (e - setting.field_offset) / setting.gain[0];
   return out;
 }
-
-namespace {
-
-// A solver's steps do not know of a sensor, so there no noise of theirs forbids small differences; and what
-// is limited has kinks, which want them.
-double difference_of(const Effect& effect) {
-  switch (effect.family) {
-    case Family::charge_sensor:
-    case Family::displacement_sensor:
-    case Family::force_sensor:
-      return 1e-4;
-    default:
-      return effect.parameters.front().limit_of == LimitOf::nothing ? Coordinate{}.difference : 0.01;
-  }
-}
-
-// Of "effects.ID.PARAMETER"; null for other paths.
-const Effect* effect_at(std::string_view path) {
-  constexpr std::string_view begin = "effects.";
-  if (!path.starts_with(begin)) return nullptr;
-  path.remove_prefix(begin.size());
-  return &find_effect(path.substr(0, path.find('.')));
-}
-
-}  // namespace
 
 Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>& bench) {
   Hypothesis out{.model = model, .coordinates = {}, .base_count = 0};

@@ -75,7 +75,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
       },
       fine_for_tables, std::array{fine_for_tables.domains}, out.health);
   const TableMisfit misfit(experiments, train, simulations.usual, threads);
-  const TableMisfit fine(experiments, train, fine_for_tables, threads);
+  const TableMisfit fine(experiments, train, simulations.fine, threads);
   const auto found = search(misfit, fine, hypothesis,
                             {.candidates = candidates_of(base, options.candidates),
                              .seed = options.seed,
@@ -88,7 +88,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   tell(found, out);
 
   tick("the proof", 0.95);
-  const TableMisfit whole(experiments, all, fine_for_tables, threads);
+  const TableMisfit whole(experiments, all, simulations.fine, threads);
   const Eigen::VectorXd before = whole.residuals(found.base.hypothesis, found.base.z);
   const Eigen::VectorXd after = whole.residuals(found.after().hypothesis, found.after().z);
   out.train.before = rms_by_channel(cells, train, before);

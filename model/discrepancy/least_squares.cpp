@@ -10,6 +10,7 @@ namespace {
 // chooses its steps, and far below where a switching or a ringing specimen is no longer linear.
 constexpr double response = 100, least_difference = 0.002;
 constexpr int most_rounds = 4;
+constexpr double hardly = 1e-7;  // damped: directions that only priors hold go all the way
 // A sum of squares so many times its number is no minimum that anything is told from.
 constexpr double worth_the_last_steps = 1.3;
 
@@ -151,7 +152,7 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
 void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::function<void()>& tick) {
   correct(misfit, fine, f);
   f = fit(misfit, f.hypothesis, f.z,
-          {.iterations = 12, .refreshes = 2, .enough = 1, .damping = 1e-7, .tick = tick}, &f);
+          {.iterations = 12, .refreshes = 2, .enough = 1, .damping = hardly, .tick = tick}, &f);
   refresh(misfit, f);
   if (f.squares < worth_the_last_steps * static_cast<double>(misfit.size())) {
     // The last steps by the fine simulation itself, with the usual one's slopes and what they learn on the
@@ -160,7 +161,7 @@ void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::functio
       const double before = f.squares;
       f.correction.resize(0);
       f = fit(fine, f.hypothesis, f.z,
-              {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = 1e-7, .tick = tick}, &f);
+              {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = hardly, .tick = tick}, &f);
       correct(misfit, fine, f);
       refresh(misfit, f);
       if (before - f.squares < 2) break;

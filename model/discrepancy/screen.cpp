@@ -60,8 +60,9 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
     double start = std::sqrt(amplitude.weak * amplitude.strong);
     for (const auto& before : options.before)
       if (before.effect == &effect && before.across > 0) start = before.strength;
+    const auto limits = misfit.limits(effect.parameters.front());
     for (auto& shapes : grid) {
-      for (const double limit : misfit.limits(effect.parameters.front()))
+      for (const double limit : limits)
         probes.push_back({.effect = e, .shapes = shapes, .strength = amplitude.strength(limit)});
       probes.push_back({.effect = e, .shapes = std::move(shapes), .strength = start});
     }

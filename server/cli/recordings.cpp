@@ -56,8 +56,7 @@ int simulate(const RecordingOptions& o, const Common& common) {
   (void)std::fprintf(
       stderr,
       "%zu samples simulated. Estimated errors: from steps in time %.1e of the switching range "
-      "(rms), from the "
-      "domain quadrature %.1e of the signal's range (rms).\n",
+      "(rms), from the domain quadrature %.1e of the signal's range (rms).\n",
       simulation.recording.size(), simulation.time_error, simulation.quadrature_error);
   std::cout << o.out << '\n';
   return exit_ok;
