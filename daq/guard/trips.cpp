@@ -43,6 +43,11 @@ Trips::Trips(const Limits& limits, std::span<const recordings::RawColumn> column
 }
 
 std::optional<std::string> Trips::violation(const SampleBlock& block) const {
+  const auto told = [](const Window& w, double value) {
+    const std::string unit(recordings::channel_unit(w.channel));
+    return "measured " + std::string(recordings::channel_name(w.channel)) + " " + number(value) + " " + unit +
+           " is outside " + number(w.min) + " to " + number(w.max) + " " + unit;
+  };
   for (const auto& w : windows_) {
     int low = w.highest, high = w.lowest;
     for (std::size_t i = w.column; i < block.counts.size(); i += columns_) {
@@ -50,10 +55,7 @@ std::optional<std::string> Trips::violation(const SampleBlock& block) const {
       high = std::max<int>(high, block.counts[i]);
     }
     if (low >= w.lowest && high <= w.highest) continue;
-    const double value = w.offset + w.gain * (low < w.lowest ? low : high);
-    const std::string unit(recordings::channel_unit(w.channel));
-    return "measured " + std::string(recordings::channel_name(w.channel)) + " " + number(value) + " " + unit +
-           " is outside " + number(w.min) + " to " + number(w.max) + " " + unit;
+    return told(w, w.offset + w.gain * (low < w.lowest ? low : high));
   }
   return std::nullopt;
 }

@@ -18,7 +18,7 @@ constexpr double largest_offset = 0.1 * 65536;  // codes
 
 std::string address_text(unsigned address) {
   std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "0x%04X", address);
+  static_cast<void>(std::snprintf(text.data(), text.size(), "0x%04X", address));
   return text.data();
 }
 

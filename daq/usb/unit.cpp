@@ -29,7 +29,7 @@ constexpr std::uint8_t fpga_enter = 0x50, fpga_data = 0x51;
 
 std::string hex(unsigned value) {
   std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "0x%02X", value);
+  static_cast<void>(std::snprintf(text.data(), text.size(), "0x%02X", value));
   return text.data();
 }
 
@@ -230,6 +230,7 @@ void Unit::clear_halts() {
 }
 
 void Unit::write_output(int channel, std::uint16_t code) {
+  // NOLINTNEXTLINE(readability-suspicious-call-argument)
   write(request::output_value, "output value", {}, code, static_cast<std::uint16_t>(channel));
 }
 
@@ -239,7 +240,7 @@ std::optional<std::uint16_t> Unit::read_output(int channel) {
   const ControlRequest setup{from_device, request::output_value, 0, 0};
   if (link_->control_in(setup, codes, actual, patience) != LinkStatus::ok || actual != codes.size())
     return std::nullopt;
-  return load_le<std::uint16_t>(std::span(codes).subspan(static_cast<std::size_t>(2 * channel), 2));
+  return load_le<std::uint16_t>(std::span(codes).subspan(2 * static_cast<std::size_t>(channel), 2));
 }
 
 }  // namespace ferrobench::daq::usb

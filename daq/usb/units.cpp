@@ -123,6 +123,7 @@ std::vector<UnitFound> units() {
   const UsbContext context;
   auto found = attached(context);
   std::vector<UnitFound> out;
+  out.reserve(found.size());
   for (const auto& unit : found)
     out.push_back({.name = std::string(unit.model->name),
                    .serial_number = unit.id.serial,

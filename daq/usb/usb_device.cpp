@@ -31,9 +31,10 @@ UsbDevice::UsbDevice(const UsbConfig& config, Connect connect, HostClock& clock,
   this->connect();
 }
 
-std::unique_ptr<Device> UsbDevice::open(const nlohmann::json& json) {
-  const auto config = usb_config_from_json(json);
-  return std::make_unique<UsbDevice>(config, [serial = config.serial_number] { return open_unit(serial); });
+std::unique_ptr<Device> UsbDevice::open(const nlohmann::json& config) {
+  const auto settings = usb_config_from_json(config);
+  return std::make_unique<UsbDevice>(settings,
+                                     [serial = settings.serial_number] { return open_unit(serial); });
 }
 
 UsbDevice::~UsbDevice() {

@@ -23,7 +23,7 @@ double log_of(double x) {
   constexpr std::uint64_t split = 0x3FE6A09E667F3BCD;  // sqrt(1/2)
   const auto bits = std::bit_cast<std::uint64_t>(x);
   const auto exponent = static_cast<std::int64_t>(bits - split) >> 52;
-  const double m = std::bit_cast<double>(bits - (static_cast<std::uint64_t>(exponent) << 52));
+  const auto m = std::bit_cast<double>(bits - (static_cast<std::uint64_t>(exponent) << 52));
   const double z = (m - 1) / (m + 1);
   const double q = z * z;
   double sum = 1.0 / 15;

@@ -57,9 +57,9 @@ VirtualDevice::VirtualDevice(const model::Model& model, const VirtualConfig& con
   for (std::size_t c = 0; c < last_.size(); ++c) last_[c] = values_[c][0];
 }
 
-std::unique_ptr<Device> VirtualDevice::open(const nlohmann::json& json) {
-  const auto config = virtual_config_from_json(json);
-  return std::make_unique<VirtualDevice>(model_of(config), config);
+std::unique_ptr<Device> VirtualDevice::open(const nlohmann::json& config) {
+  const auto settings = virtual_config_from_json(config);
+  return std::make_unique<VirtualDevice>(model_of(settings), settings);
 }
 
 nlohmann::json VirtualDevice::info() const {
