@@ -143,15 +143,15 @@ void differ(const json& a, const json& b, const std::string& place, std::vector<
   const auto missing = [](const json& in, const auto& key) {
     return in.is_object() ? !in.contains(key) : true;
   };
+  const auto inside = [&](const std::string& key) { return std::string(place).append("/").append(key); };
   if (a.is_object() && b.is_object()) {
     for (const auto& [key, value] : a.items())
-      differ(value, missing(b, key) ? json() : b[key], place + "/" + key, out);
+      differ(value, missing(b, key) ? json() : b[key], inside(key), out);
     for (const auto& [key, value] : b.items())
-      if (missing(a, key)) differ(json(), value, place + "/" + key, out);
+      if (missing(a, key)) differ(json(), value, inside(key), out);
   } else if (a.is_array() && b.is_array()) {
     for (std::size_t i = 0; i < std::max(a.size(), b.size()); ++i)
-      differ(i < a.size() ? a[i] : json(), i < b.size() ? b[i] : json(), place + "/" + std::to_string(i),
-             out);
+      differ(i < a.size() ? a[i] : json(), i < b.size() ? b[i] : json(), inside(std::to_string(i)), out);
   } else {
     out.push_back({place, a, b});
   }

@@ -60,7 +60,7 @@ class Input {
   std::vector<std::string> read_variable(const Handle& set, std::size_t count,
                                          const std::string& place) const;
   using Reader = std::function<herr_t(hid_t type, void* data)>;
-  std::vector<std::string> read_texts(const Handle& type, const Handle& space, const Reader& read,
+  std::vector<std::string> read_texts(const Handle& type, const Handle& extent, const Reader& read,
                                       const std::string& place) const;
 
   std::string path_;

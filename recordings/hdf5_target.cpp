@@ -79,7 +79,7 @@ hid_t driver() {
     table.name = "ferrobench";
     table.maxaddr = HADDR_MAX;
     table.fc_degree = H5F_CLOSE_STRONG;
-    table.fapl_size = sizeof(Target*);
+    table.fapl_size = sizeof(void*);
     table.open = open_target;
     table.close = close_target;
     table.query = query;

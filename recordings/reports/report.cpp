@@ -27,7 +27,8 @@ Table event_table(const Recording& r) {
 std::string with_facts(const Report& report, const std::string& before, const std::string& between,
                        const std::function<std::string(const std::string&)>& clean) {
   std::string out;
-  for (const auto& [name, value] : report.facts) out += before + name + between + clean(value) + '\n';
+  for (const auto& [name, value] : report.facts)
+    out.append(before).append(name).append(between).append(clean(value)).append("\n");
   return out;
 }
 

@@ -3,7 +3,6 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 
 #include "protocols/common/error.h"
 
@@ -115,8 +114,9 @@ Cell cell(std::optional<double> value) {
 
 std::string number_text(double value) {
   std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.4g", value == 0 ? 0.0 : value);
-  return text.data();
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value == 0 ? 0.0 : value,
+                                 std::chars_format::general, 4);
+  return {text.data(), end.ptr};
 }
 
 std::string number_in_full(double value) {
