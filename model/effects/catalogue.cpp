@@ -45,23 +45,22 @@ void check_parameters(const Effect& effect, const EffectSetting& setting, const 
                       std::vector<Problem>& problems) {
   std::vector<std::string> names;
   for (const auto& p : effect.parameters) names.emplace_back(p.name);
+  const auto folder = path + "/parameters/";
   for (const auto& [name, value] : setting.parameters) {
     if (std::find(names.begin(), names.end(), name) == names.end())
-      problems.push_back({.path = path + "/parameters/" + name,
-                          .message = "is not a parameter of " + setting.id,
-                          .allowed = names});
+      problems.push_back(
+          {.path = folder + name, .message = "is not a parameter of " + setting.id, .allowed = names});
     else if (!std::isfinite(value))
-      problems.push_back({.path = path + "/parameters/" + name, .message = "must be finite"});
+      problems.push_back({.path = folder + name, .message = "must be finite"});
   }
   for (const auto& p : effect.parameters) {
     const auto found = std::find_if(setting.parameters.begin(), setting.parameters.end(),
                                     [&](const auto& given) { return given.first == p.name; });
     if (found == setting.parameters.end()) {
-      problems.push_back({.path = path + "/parameters/" + std::string(p.name),
-                          .message = "is missing",
-                          .unit = std::string(p.unit)});
+      problems.push_back(
+          {.path = folder + std::string(p.name), .message = "is missing", .unit = std::string(p.unit)});
     } else if (p.above_zero ? found->second <= 0 : !p.any_sign && found->second < 0) {
-      problems.push_back({.path = path + "/parameters/" + std::string(p.name),
+      problems.push_back({.path = folder + std::string(p.name),
                           .message = p.above_zero ? "must be above zero" : "must not be negative",
                           .given = found->second,
                           .unit = std::string(p.unit)});

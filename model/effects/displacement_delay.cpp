@@ -12,9 +12,8 @@ class Delay final : public SensorStage {
   explicit Delay(double delay) : delay_(delay), spacing_(delay / 16384) {}
   void start(const SensorInput& in) override { history_.assign(1, in); }
   double update(const SensorInput& in) override {
-    if (history_.size() > 1 && in.time - history_[history_.size() - 2].time < spacing_)
-      history_.back() = in;
-    else if (in.time > history_.back().time)
+    const bool close = history_.size() > 1 && in.time - history_[history_.size() - 2].time < spacing_;
+    if (!close && in.time > history_.back().time)
       history_.push_back(in);
     else
       history_.back() = in;

@@ -19,7 +19,7 @@ namespace ferrobench::model {
 class Ensemble final : public Kinetics {
  public:
   // negligible: what may be missed of one domain's fractions in each of its sleeps.
-  Ensemble(const Domains& domains, const KineticConstants& constants, double negligible);
+  Ensemble(const Domains& given, const KineticConstants& constants, double negligible);
 
   void start(const Loads& at) override;
   const Means& means() const override { return means_; }
