@@ -60,10 +60,9 @@ void write_output(const std::string& file, const std::string& text);
 // recording that the new one is made from: Error(invalid_params).
 void demand_free(const std::string& file, bool replace, const std::string& source = "");
 
-// Follows a run, with progress on stderr, until it is over; an interrupt asks for a safe stop. `status` and
-// `abort` are told the run's id. Returns the last status, with "interrupted".
-nlohmann::json follow(nlohmann::json started,
-                      const std::function<nlohmann::json(const std::string& id)>& status,
+// Follows a run from its first status, with progress on stderr, until it is over; an interrupt asks for a
+// safe stop. `ask` and `abort` are told the run's id. Returns the last status, with "interrupted".
+nlohmann::json follow(nlohmann::json status, const std::function<nlohmann::json(const std::string& id)>& ask,
                       const std::function<void(const std::string& id, const std::string& reason)>& abort,
                       bool quiet);
 // Says on stderr what went wrong, if anything did; the exit code.

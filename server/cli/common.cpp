@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
@@ -109,8 +110,8 @@ Interrupt::Interrupt() {
 }
 
 Interrupt::~Interrupt() {
-  std::signal(SIGINT, before_int);
-  std::signal(SIGTERM, before_term);
+  static_cast<void>(std::signal(SIGINT, before_int));
+  static_cast<void>(std::signal(SIGTERM, before_term));
 }
 
 int Interrupt::count() {
@@ -122,7 +123,7 @@ void ProgressLine::show(const std::string& state, double progress, double second
   const int percent = static_cast<int>(100 * progress);
   std::string left;
   if (seconds_left >= 0) {
-    const auto s = static_cast<long>(seconds_left + 0.5);
+    const auto s = std::lround(seconds_left);
     left = s >= 60 ? std::to_string(s / 60) + " min " + std::to_string(s % 60) + " s left"
                    : std::to_string(s) + " s left";
   }
@@ -130,7 +131,8 @@ void ProgressLine::show(const std::string& state, double progress, double second
     constexpr int width = 30;
     const auto full = static_cast<std::size_t>(width * progress);
     const std::string bar = std::string(full, '#') + std::string(width - full, '.');
-    std::fprintf(stderr, "\r\033[K[%s] %3d %%  %s  %s", bar.c_str(), percent, state.c_str(), left.c_str());
+    static_cast<void>(std::fprintf(stderr, "\r\033[K[%s] %3d %%  %s  %s", bar.c_str(), percent, state.c_str(),
+                                   left.c_str()));
     open_ = true;
     return;
   }
@@ -138,11 +140,12 @@ void ProgressLine::show(const std::string& state, double progress, double second
   if (percent / 10 == last_tenth_ && state == last_state_) return;
   last_tenth_ = percent / 10;
   last_state_ = state;
-  std::fprintf(stderr, "%s: %d %%%s%s\n", state.c_str(), percent, left.empty() ? "" : ", ", left.c_str());
+  static_cast<void>(std::fprintf(stderr, "%s: %d %%%s%s\n", state.c_str(), percent, left.empty() ? "" : ", ",
+                                 left.c_str()));
 }
 
 void ProgressLine::finish() {
-  if (open_) std::fprintf(stderr, "\r\033[K");
+  if (open_) std::cerr << "\r\033[K";
   open_ = false;
 }
 

@@ -1,7 +1,7 @@
 #include "model/discrepancy/discover.h"
 
-#include <cstdio>
 #include <filesystem>
+#include <iostream>
 
 #include "model/discrepancy/report.h"
 #include "recordings/file.h"
@@ -66,14 +66,14 @@ int discover(const DiscoverCommand& o, const Common& common) {
   } catch (const Error& e) {
     line.finish();
     if (e.code() != ErrorCode::cancelled) throw;
-    std::fputs("ferrobench: stopped; nothing was written\n", stderr);
+    std::cerr << "ferrobench: stopped; nothing was written\n";
     return exit_interrupted;
   }
   line.finish();
   if (!o.json.empty()) write_output(o.json == "-" ? "" : o.json, to_json(found).dump(2) + "\n");
   if (!o.report.empty()) write_output(o.report, html_report(found));
   if (!o.improved.empty()) write_output(o.improved, to_json(found.improved).dump(2) + "\n");
-  if (o.json != "-") std::fputs(text_report(found).c_str(), stdout);
+  if (o.json != "-") write_output("", text_report(found));
   return exit_ok;
 }
 

@@ -62,7 +62,7 @@ int preview(const Options& o, const Common& common) {
 
 CLI::App* add(CLI::App* parent, const std::string& name, const std::string& help,
               const std::shared_ptr<Options>& o, Common& common,
-              std::function<int(const Options&, const Common&)> action) {
+              const std::function<int(const Options&, const Common&)>& action) {
   auto* sub = parent->add_subcommand(name, help);
   sub->callback(
       [o, &common, action] { common.action = [o, &common, action] { return action(*o, common); }; });

@@ -28,13 +28,13 @@ class Engine {
   // A run goes on at a time: Error(busy). A request whose idempotency key was seen before starts nothing and
   // returns that run. `path`: where the recording goes, "" for a new one in the store.
   RunStatus start(const RunRequest& request, const std::string& path = "");
-  // `run` "": the latest; state idle if there was none. Error(not_found).
-  RunStatus status(const std::string& run = "") const;
+  // `id` "": the latest; state idle if there was none. Error(not_found).
+  RunStatus status(const std::string& id = "") const;
   std::vector<RunStatus> runs() const;  // newest first
-  RunStatus wait(const std::string& run);
-  void pause(const std::string& run);
-  void resume(const std::string& run);
-  void abort(const std::string& run, const std::string& reason);
+  RunStatus wait(const std::string& id);
+  void pause(const std::string& id);
+  void resume(const std::string& id);
+  void abort(const std::string& id, const std::string& reason);
   // Whether the run under way writes this recording.
   bool is_being_written(const std::filesystem::path& path) const;
 
@@ -57,7 +57,7 @@ class Engine {
 
  private:
   RunSetup make_setup(const RunRequest& request) const;
-  std::shared_ptr<Run> current(const std::string& run) const;
+  std::shared_ptr<Run> current(const std::string& id) const;
   std::shared_ptr<daq::Device> find_device(const std::string& id) const;
   void demand_rest(const std::string& what) const;
 

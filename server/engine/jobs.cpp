@@ -65,7 +65,7 @@ std::string Jobs::start(const std::string& kind, Work work) {
   forget_old();
   auto job = std::make_shared<Job>();
   auto& handle = job->handle;
-  const auto id = "job-" + std::to_string(++last_);
+  auto id = "job-" + std::to_string(++last_);
   handle.status_ = {.job = id, .kind = kind, .stage = "starting"};
   handle.changed_ = [this, &handle] {
     JobStatus copy;
@@ -137,10 +137,12 @@ JobStatus Jobs::status(const std::string& id) const {
 std::vector<JobStatus> Jobs::list() const {
   const std::scoped_lock lock(mutex_);
   std::vector<JobStatus> out;
-  for (auto at = jobs_.rbegin(); at != jobs_.rend(); ++at) {
-    const std::scoped_lock inner(at->second->handle.mutex_);
-    out.push_back(at->second->handle.status_);
+  out.reserve(jobs_.size());
+  for (const auto& [number, job] : jobs_) {
+    const std::scoped_lock inner(job->handle.mutex_);
+    out.push_back(job->handle.status_);
   }
+  std::ranges::reverse(out);
   return out;
 }
 

@@ -17,7 +17,8 @@ constexpr double usual_sample_rate = 50;
 
 void add_leaves(const json& value, const std::string& path, std::vector<std::string>& out) {
   if (!value.is_object()) return out.push_back(path);
-  for (const auto& [key, item] : value.items()) add_leaves(item, path + "." + key, out);
+  for (const auto& [key, item] : value.items())
+    add_leaves(item, std::string(path).append(".").append(key), out);
 }
 
 double number(const std::string& key, const json& value) {
@@ -228,9 +229,8 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
       set_path(device, "load.prestress", *p, true);
     if (const auto k = settings.spring_stiffness ? settings.spring_stiffness : load.spring_stiffness)
       set_path(device, "load.spring_stiffness", *k, true);
-    plan.device_config = device;
-  }
-  if (modelled) {
+    plan.device_config = std::move(device);
+  } else if (modelled) {
     const auto load = plan.protocol.load();
     auto& in_force = plan.model["load"];
     if (const auto p = settings.prestress ? settings.prestress : load.prestress) in_force["prestress"] = *p;
@@ -245,10 +245,10 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
 
   protocols::ExpandOptions options{.parameters = settings.parameters};
   // Volts act on the layers of the specimen that is there, whichever one the program was written for.
-  if (plan.protocol.json().value("unit", "") == "V" && !plan.model.is_null())
-    options.layer_thickness = plan.model.at("actuator").at("layer_thickness").get<double>();
-  if (plan.protocol.json().value("unit", "") == "V" && plan.model.is_null())
-    options.layer_thickness = layer_thickness_of(device, open).value_or(0);
+  if (plan.protocol.json().value("unit", "") == "V")
+    options.layer_thickness = plan.model.is_null()
+                                  ? layer_thickness_of(plan.device_config, open).value_or(0)
+                                  : plan.model.at("actuator").at("layer_thickness").get<double>();
   plan.protocol = plan.protocol.with(options);
   plan.name = plan.protocol.name();
   plan.title = plan.protocol.title();

@@ -10,16 +10,16 @@ namespace ferrobench::server {
 
 using recordings::Channel;
 
-Simulation simulate_recording(const recordings::Recording& recording, const nlohmann::json& given,
+Simulation simulate_recording(const recordings::Recording& recording, const nlohmann::json& model,
                               const std::string& origin) {
-  const auto& chosen = given.is_null() ? recording.header.model : given;
+  const auto& chosen = model.is_null() ? recording.header.model : model;
   if (chosen.is_null())
     throw Error(ErrorCode::invalid_params, "there is no model to simulate with",
                 Problem{.path = "/model",
                         .message = "is missing, and the recording names none",
                         .hint = "give one: --model NAME or FILE"});
-  const auto model = model::model_for(model::model_from_json(chosen), recording.header);
-  auto trajectory = model::simulate_on(model, recording, {}, true);
+  const auto adapted = model::model_for(model::model_from_json(chosen), recording.header);
+  auto trajectory = model::simulate_on(adapted, recording, {}, true);
   const bool commanded = recording.has(Channel::command);
 
   Simulation out;
@@ -30,7 +30,7 @@ Simulation simulate_recording(const recordings::Recording& recording, const nloh
   r.header.start_time = recordings::iso_now();
   r.header.entry_identifier = to_string(boost::uuids::random_generator()());
   r.header.run_seed.reset();
-  r.header.model = model::to_json(model);
+  r.header.model = model::to_json(adapted);
   r.header.device = {{"driver", "simulation"},
                      {"source", origin},
                      {"source_identifier", recording.header.entry_identifier},

@@ -84,12 +84,12 @@ Store::Store(fs::path folder) : folder_(std::move(folder)) {
   make_folder(folder_ / "models");
 }
 
-fs::path Store::new_recording(const std::string& given) const {
-  std::string stem = given.substr(0, 60);
+fs::path Store::new_recording(const std::string& stem) const {
+  std::string name = stem.substr(0, 60);
   std::ranges::replace_if(
-      stem, [](char c) { return allowed_in_names.find(c) == std::string_view::npos; }, '-');
-  if (stem.empty() || stem.front() == '.') stem = "run" + stem;
-  const auto base = stem + "_" + utc_stamp();
+      name, [](char c) { return allowed_in_names.find(c) == std::string_view::npos; }, '-');
+  if (name.empty() || name.front() == '.') name = "run" + name;
+  const auto base = name + "_" + utc_stamp();
   auto path = recordings() / (base + ".h5");
   for (int i = 2; is_taken(path); ++i) path = recordings() / (base + "-" + std::to_string(i) + ".h5");
   return path;
@@ -102,7 +102,7 @@ bool Store::is_taken(const fs::path& path) {
 
 fs::path Store::recording(const std::string& name) const {
   check_name(name, "/recording");
-  const auto path = recordings() / (without_suffix(name, ".h5") + ".h5");
+  auto path = recordings() / (without_suffix(name, ".h5") + ".h5");
   std::error_code failure;
   if (!fs::is_regular_file(ferrobench::recordings::present_file(path), failure))
     throw_not_found("recording", name, recording_names());
@@ -140,16 +140,16 @@ nlohmann::json Store::model(const std::string& name) const {
   return model::to_json(model::model_from_file(folder_ / "models" / (name + ".json")));
 }
 
-void Store::put_model(const std::string& name, const nlohmann::json& given) const {
+void Store::put_model(const std::string& name, const nlohmann::json& model) const {
   check_name(name, "/name");
-  const auto model = model::model_from_json(given);
+  const auto checked = model::model_from_json(model);
   if (std::ranges::count(model::model_library_names(), name) > 0)
     throw Error(
         ErrorCode::busy, "a shipped model has this name",
         Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
   const auto path = folder_ / "models" / (name + ".json");
   const auto part = path.string() + ".part";
-  std::ofstream(part) << model::to_json(model).dump(2) << '\n';
+  std::ofstream(part) << model::to_json(checked).dump(2) << '\n';
   std::error_code failure;
   fs::rename(part, path, failure);
   if (failure)

@@ -222,7 +222,7 @@ RecoveryRow recover(const std::string& path) {
 
 // Rewriting needs a file that nobody else writes.
 fs::path at_rest(Engine& engine, const std::string& name) {
-  const auto path = engine.store().recording(name);
+  auto path = engine.store().recording(name);
   const auto journal = recordings::journal_state(path.string());
   if (engine.is_being_written(path) || journal == recordings::JournalState::being_written)
     throw Error(ErrorCode::busy, "this recording is being written",

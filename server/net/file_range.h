@@ -44,7 +44,7 @@ struct FileRangeBody {
     writer(const Header<isRequest, Fields>&, const value_type& body)
         : body_(body), at_(body.first), left_(body.length) {}
 
-    void init(boost::beast::error_code& ec) { ec = {}; }
+    static void init(boost::beast::error_code& ec) { ec = {}; }
     boost::optional<std::pair<const_buffers_type, bool>> get(boost::beast::error_code& ec);
 
    private:

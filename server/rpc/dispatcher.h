@@ -42,7 +42,7 @@ class Dispatcher {
   // The reply, or nothing if the text held notifications only. Does not throw.
   std::optional<std::string> handle(std::string_view text, CallContext& context) const noexcept;
   // One call in-process: the result, or Error. Parameters may be null (none), an object or an array.
-  nlohmann::json call(std::string_view method, const nlohmann::json& params, CallContext& context) const;
+  nlohmann::json call(std::string_view name, const nlohmann::json& params, CallContext& context) const;
 
   const std::map<std::string, Method, std::less<>>& methods() const { return methods_; }
   const DispatchLimits& limits() const { return limits_; }

@@ -37,35 +37,35 @@ const Topic& Hub::find(std::string_view name) const {
                       .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"});
 }
 
-void Hub::publish(std::string_view name, const json& params) {
-  const auto topic = topics_.find(name);
-  assert(topic != topics_.end());
+void Hub::publish(std::string_view topic, const json& params) {
+  const auto known = topics_.find(topic);
+  assert(known != topics_.end());
   const std::scoped_lock lock(mutex_);
-  const auto found = subscriptions_.find(name);
+  const auto found = subscriptions_.find(topic);
   if (found == subscriptions_.end()) return;
   std::erase_if(found->second, [](const Subscription& s) { return s.subscriber->closed(); });
   Subscriber::Text whole;  // one text for all who get every message
   const auto now = Clock::now();
   for (auto& s : found->second) {
     if (s.interval == Clock::duration::zero()) {
-      if (!whole) whole = notification(topic->first, params);
-      s.subscriber->offer(topic->first, whole);
+      if (!whole) whole = notification(known->first, params);
+      s.subscriber->offer(known->first, whole);
       continue;
     }
     if (s.held) {
-      topic->second.merge(*s.held, params);
+      known->second.merge(*s.held, params);
     } else {
       s.held = params;
     }
     if (now - s.last < s.interval) continue;
     s.last = now;
-    s.subscriber->offer(topic->first, notification(topic->first, *std::exchange(s.held, std::nullopt)));
+    s.subscriber->offer(known->first, notification(known->first, *std::exchange(s.held, std::nullopt)));
   }
 }
 
-void Hub::flush(std::string_view name) {
+void Hub::flush(std::string_view topic) {
   const std::scoped_lock lock(mutex_);
-  const auto found = subscriptions_.find(name);
+  const auto found = subscriptions_.find(topic);
   if (found == subscriptions_.end()) return;
   for (auto& s : found->second)
     if (s.held)
@@ -78,10 +78,10 @@ bool Hub::wanted(std::string_view topic) const {
   return found != subscriptions_.end() && !found->second.empty();
 }
 
-void Hub::subscribe(std::string_view name, const std::shared_ptr<Subscriber>& subscriber,
+void Hub::subscribe(std::string_view topic, const std::shared_ptr<Subscriber>& subscriber,
                     std::optional<double> max_rate) {
-  const Topic& topic = find(name);
-  if (max_rate && !topic.merge)
+  const Topic& known = find(topic);
+  if (max_rate && !known.merge)
     throw Error(ErrorCode::invalid_params, "Invalid params",
                 Problem{.path = "/max_rate_Hz",
                         .message = "this topic is always sent in full",
@@ -91,7 +91,7 @@ void Hub::subscribe(std::string_view name, const std::shared_ptr<Subscriber>& su
       max_rate ? std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / *max_rate))
                : Clock::duration::zero();
   const std::scoped_lock lock(mutex_);
-  auto& list = subscriptions_[topic.name];
+  auto& list = subscriptions_[known.name];
   const auto mine =
       std::find_if(list.begin(), list.end(), [&](const auto& s) { return s.subscriber == subscriber; });
   if (mine != list.end()) {

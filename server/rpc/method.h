@@ -81,7 +81,8 @@ Method make_method(MethodInfo info, F handler) {
   P sample{};
   method_detail::ParameterLister lister{method.parameters};
   describe(lister, sample);
-  std::ranges::stable_partition(method.parameters, [](const Parameter& p) { return p.required; });
+  std::stable_partition(method.parameters.begin(), method.parameters.end(),
+                        [](const Parameter& p) { return p.required; });
   method.call = [handler = std::move(handler)](const nlohmann::json& named, CallContext& context) mutable {
     P params{};
     std::vector<Problem> problems;
