@@ -13,6 +13,17 @@ constexpr double believed_offset = 0.03;  // of the range
 // An effect that makes the model stiffer than this is not the one that is looked for.
 constexpr std::uint64_t dearer_at_most = 12, few_steps = 5000;
 
+using Place = std::pair<const Hypothesis*, Eigen::VectorXd>;
+
+// One is the other with channels scaled.
+bool scaled(const Place& a, const Place& b) {
+  if (a.first != b.first) return false;
+  for (Eigen::Index i = 0; i < a.second.size(); ++i)
+    if (a.second[i] != b.second[i] && !a.first->coordinates[static_cast<std::size_t>(i)].scales_only)
+      return false;
+  return true;
+}
+
 double gain_of(const Setting& setting, recordings::Channel channel) {
   const auto k = std::ranges::find(compared_channels, channel) - compared_channels.begin();
   return setting.gain.at(static_cast<std::size_t>(k));
@@ -47,19 +58,23 @@ void in_parallel(std::size_t count, int threads, const std::function<void(std::s
 std::vector<Eigen::VectorXd> Misfit::residuals(
     const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const {
   std::vector<Eigen::VectorXd> out(places.size(), Eigen::VectorXd(size_));
-  std::vector<std::optional<Setting>> settings(places.size());
+  std::vector<std::vector<Wanted>> groups;
   for (std::size_t p = 0; p < places.size(); ++p) {
     try {
-      settings[p] = setting_at(*places[p].first, places[p].second);
+      Wanted wanted{p, setting_at(*places[p].first, places[p].second), &out[p]};
+      const auto alike = std::ranges::find_if(
+          groups, [&](const auto& group) { return scaled(places[group.front().place], places[p]); });
+      if (alike == groups.end())
+        groups.push_back({std::move(wanted)});
+      else
+        alike->push_back(std::move(wanted));
     } catch (const Error&) {
       out[p].setConstant(unsolvable);
     }
   }
-  in_parallel(places.size() * parts(), threads_, [&](std::size_t i) {
-    const std::size_t p = i / parts();
-    if (settings[p]) fill(*settings[p], i % parts(), out[p]);
-  });
-  simulations_ += static_cast<int>(places.size());
+  in_parallel(groups.size() * parts(), threads_,
+              [&](std::size_t i) { fill(groups[i / parts()], i % parts()); });
+  simulations_ += static_cast<int>(groups.size());
   return out;
 }
 
@@ -142,9 +157,6 @@ std::vector<std::vector<double>> RecordingMisfit::channels(const Setting& settin
   SimulationStatistics statistics;
   auto out = simulate_bench(setting.model, at, options, &statistics);
   if (usual == 0) usual = statistics.tried;
-  for (std::size_t c = 0; c < out.size(); ++c)
-    if (const double gain = gain_of(setting, at.channels[c].channel); gain != 1)
-      for (double& v : out[c]) v *= gain;
   return out;
 }
 
@@ -154,28 +166,32 @@ void RecordingMisfit::finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part
   part -= p.share * p.constant.dot(part) * p.constant;
 }
 
-void RecordingMisfit::fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const {
+void RecordingMisfit::fill(std::span<const Wanted> alike, std::size_t position) const {
   const auto [first, last] = blocks_of_[position];
   std::vector<std::vector<double>> simulated;
   try {
-    simulated = channels(setting, chosen_[position]);
+    simulated = channels(alike.front().setting, chosen_[position]);
   } catch (const Error& e) {
     if (e.code() == ErrorCode::cancelled) throw;
-    for (std::size_t b = first; b < last; ++b)
-      out.segment(blocks_[b].begin, blocks_[b].count).setConstant(unsolvable);
+    for (const auto& wanted : alike)
+      for (std::size_t b = first; b < last; ++b)
+        wanted.residual->segment(blocks_[b].begin, blocks_[b].count).setConstant(unsolvable);
     return;
   }
-  for (std::size_t b = first; b < last; ++b) {
-    const auto& block = blocks_[b];
-    const auto& measured = bench_[block.recording].channels[block.channel].value;
-    auto part = out.segment(block.begin, block.count);
-    for (std::size_t i = 0; i < block.rows.size(); ++i) {
-      const double miss = measured[block.rows[i]] - simulated[block.channel][block.rows[i]];
-      part[static_cast<Eigen::Index>(i)] = std::isfinite(miss) ? miss : 0;
+  for (const auto& wanted : alike) {
+    for (std::size_t b = first; b < last; ++b) {
+      const auto& block = blocks_[b];
+      const auto& measured = bench_[block.recording].channels[block.channel];
+      const double gain = gain_of(wanted.setting, measured.channel);
+      auto part = wanted.residual->segment(block.begin, block.count);
+      for (std::size_t i = 0; i < block.rows.size(); ++i) {
+        const double miss = measured.value[block.rows[i]] - gain * simulated[block.channel][block.rows[i]];
+        part[static_cast<Eigen::Index>(i)] = std::isfinite(miss) ? miss : 0;
+      }
+      finish(b, part);
     }
-    finish(b, part);
+    if (!allowances_.empty()) allow(allowances_[position], *wanted.residual);
   }
-  if (!allowances_.empty()) allow(allowances_[position], out);
 }
 
 void RecordingMisfit::allow(const Allowance& a, Eigen::Ref<Eigen::VectorXd> column) {
@@ -196,7 +212,7 @@ void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen
   std::vector<Allowance> found(chosen_.size());
   in_parallel(chosen_.size(), threads(), [&](std::size_t position) {
     const auto& r = bench_[chosen_[position]];
-    const auto [first, last] = blocks_of_[position];
+    const std::size_t first = blocks_of_[position].first, last = blocks_of_[position].second;
     auto& a = found[position];
     if (r.level_of.empty() || first == last) return;
     a.begin = blocks_[first].begin;
@@ -244,9 +260,11 @@ Eigen::VectorXd RecordingMisfit::whiten(const Block& block, const std::vector<do
 std::vector<std::vector<double>> RecordingMisfit::simulated(const Hypothesis& hypothesis,
                                                             const Eigen::VectorXd& z,
                                                             std::size_t recording) const {
-  auto out = channels(setting_at(hypothesis, z), recording);
+  const auto setting = setting_at(hypothesis, z);
+  auto out = channels(setting, recording);
   for (std::size_t c = 0; c < out.size(); ++c) {
     const auto& m = bench_[recording].channels[c];
+    for (double& v : out[c]) v *= gain_of(setting, m.channel);
     double sum = 0, n = 0;
     for (std::size_t i = 0; i < out[c].size(); ++i) {
       if (std::isnan(m.value[i])) continue;

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <span>
 
 #include "model/discrepancy/coordinates.h"
 #include "model/discrepancy/noise.h"
@@ -53,7 +54,13 @@ class Misfit {
  protected:
   Misfit(SimulationOptions simulation, int threads) : simulation_(simulation), threads_(threads) {}
   virtual std::size_t parts() const = 0;  // that are simulated one by one
-  virtual void fill(const Setting& setting, std::size_t part, Eigen::VectorXd& out) const = 0;
+  struct Wanted {
+    std::size_t place = 0;
+    Setting setting;
+    Eigen::VectorXd* residual = nullptr;
+  };
+  // `alike`: settings that differ in gains only, so that one simulation does for all.
+  virtual void fill(std::span<const Wanted> alike, std::size_t part) const = 0;
   static constexpr double unsolvable = 1e6;
   Eigen::Index size_ = 0;
 
@@ -105,9 +112,10 @@ class RecordingMisfit final : public Misfit {
     double share = 0;          // of it to take out
   };
   std::size_t parts() const override { return chosen_.size(); }
-  void fill(const Setting& setting, std::size_t position, Eigen::VectorXd& out) const override;
+  void fill(std::span<const Wanted> alike, std::size_t position) const override;
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
-  std::vector<std::vector<double>> channels(const Setting& setting, std::size_t recording) const;
+  std::vector<std::vector<double>> channels(const Setting& setting,
+                                            std::size_t recording) const;  // without gains
 
   const std::vector<BenchRecording>& bench_;
   const std::vector<std::vector<NoiseModel>>& noise_;

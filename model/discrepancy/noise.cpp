@@ -93,7 +93,8 @@ double remove_tone(std::vector<Window>& windows) {
   if (*top < 6 * recordings::median({power.begin() + 4, power.end()})) return 1;
   const auto bin = static_cast<double>(top - power.begin());
   double best = 0, frequency = bin / window;
-  for (double f = (bin - 1) / window; f <= (bin + 1) / window; f += 0.05 / window) {
+  for (int k = -20; k <= 20; ++k) {
+    const double f = (bin + 0.05 * k) / window;
     const auto w = wave(f);
     double sum = 0;
     for (const auto& e : windows) sum += (w.transpose() * e).squaredNorm();
@@ -175,7 +176,7 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
           whole = whole && std::isfinite(e[k]);
         }
         if (!whole) continue;
-        quiet[r].windows.push_back(detrending() * e);
+        quiet[r].windows.emplace_back(detrending() * e);
         variances.push_back(quiet[r].windows.back().squaredNorm() / window);
       }
     }

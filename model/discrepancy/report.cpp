@@ -172,6 +172,7 @@ std::vector<Section> sections(const Discovery& d) {
         fmt::format("Something outside the catalogue: {}", percent(d.probability_unknown)));
   for (const auto& group : d.equivalent) {
     std::vector<std::string> names;
+    names.reserve(group.size());
     for (const auto& id : group) names.push_back(readable(id));
     rivals.lines.push_back("Not to be told apart with these recordings: " + list(names) + ".");
   }

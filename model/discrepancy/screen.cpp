@@ -22,6 +22,7 @@ std::vector<double> shapes_of(const EffectParameter& p, const Misfit& misfit, co
     count = 4;
   }
   std::vector<double> out;
+  out.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) out.push_back(low * std::pow(high / low, (i + 0.5) / count));
   return out;
 }

@@ -287,9 +287,11 @@ std::vector<MissingSignal> reconstructed(const RecordingMisfit& misfit, const Fi
     }
   }
   std::vector<Found> sorted;
+  sorted.reserve(worst.size());
   for (auto& [channel, f] : worst) sorted.push_back(std::move(f));
   std::ranges::stable_sort(sorted, std::greater<>(), &Found::over_noise);
   std::vector<MissingSignal> out;
+  out.reserve(sorted.size());
   for (auto& f : sorted) out.push_back(std::move(f.signal));
   return out;
 }

@@ -48,20 +48,21 @@ Misfit::Times TableMisfit::times() const {
   return {.shortest = shortest_of_interest, .longest = experiments_.duration()};
 }
 
-void TableMisfit::fill(const Setting& setting, std::size_t, Eigen::VectorXd& out) const {
+void TableMisfit::fill(std::span<const Wanted> alike, std::size_t) const {
   std::vector<double> errors;
   auto options = simulation();
   options.most_steps = most_steps_of_a_run;
+  // A table's cells have no gains: those alike are the same.
   try {
-    for (const auto& comparison : experiments_.simulate(setting.model, options))
+    for (const auto& comparison : experiments_.simulate(alike.front().setting.model, options))
       for (const auto& cell : comparison.cells) errors.push_back(log_error(cell));
   } catch (const Error& e) {
     if (e.code() == ErrorCode::cancelled) throw;
-    out.setConstant(unsolvable);
-    return;
   }
-  for (std::size_t i = 0; i < chosen_.size(); ++i)
-    out[static_cast<Eigen::Index>(i)] = -errors[chosen_[i]] / cells_[chosen_[i]].std;
+  for (const auto& wanted : alike)
+    for (std::size_t i = 0; i < chosen_.size(); ++i)
+      (*wanted.residual)[static_cast<Eigen::Index>(i)] =
+          errors.empty() ? unsolvable : -errors[chosen_[i]] / cells_[chosen_[i]].std;
 }
 
 }  // namespace ferrobench::model::discrepancy

@@ -36,7 +36,7 @@ class TableMisfit final : public Misfit {
 
  private:
   std::size_t parts() const override { return 1; }
-  void fill(const Setting& setting, std::size_t part, Eigen::VectorXd& out) const override;
+  void fill(std::span<const Wanted> alike, std::size_t part) const override;
 
   const PublishedExperiments& experiments_;
   std::vector<TableCell> cells_;
