@@ -107,9 +107,11 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
   const auto driven_by_field = [](const BenchRecording& r) { return !r.has_command; };
   for (const auto channel : compared_channels)
     if (any([channel](const BenchRecording& r) { return r.find(channel) != nullptr; }) ||
-        (channel == recordings::Channel::field && any(driven_by_field)))
+        (channel == recordings::Channel::field && any(driven_by_field))) {
       out.coordinates.push_back(
           with_prior("gain." + std::string(recordings::channel_name(channel)), 1, gain_known_to));
+      out.coordinates.back().scales_only = channel != recordings::Channel::field || !any(driven_by_field);
+    }
   if (any(driven_by_field)) {
     double low = 0, high = 0;
     for (const auto& r : bench)
@@ -147,7 +149,7 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
       c.low = -(10 * p.high + std::abs(values[i])) / c.scale;
       c.high = -c.low;
     } else {
-      const double reach = p.name == "frequency" ? 1 : i == 0 ? 30 : 3;
+      const double reach = p.name == "frequency" ? 1 : i == 0 ? h.reach : std::min(3.0, h.reach);
       c.low = std::log(p.low / reach / std::abs(values[i])) / c.scale;
       c.high = std::log(p.high * reach / std::abs(values[i])) / c.scale;
       c.low = std::min(c.low, -1.0);

@@ -24,6 +24,7 @@ struct Coordinate {
   bool prior = true;
   double low = 0, high = 0;  // of z
   double difference = 0.1;   // of z, to take a slope over
+  bool scales_only = false;  // a channel: the simulation is the same
 
   double value(double z) const;
   double slope(double z) const;  // d value / dz
@@ -35,6 +36,7 @@ struct Hypothesis {
   Model model;
   std::vector<Coordinate> coordinates;
   std::size_t base_count = 0;  // the first ones are the base model's
+  double reach = 30;           // an effect's amplitude may be so many times what is plausible
 };
 
 // Where nothing has moved.

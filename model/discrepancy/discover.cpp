@@ -29,7 +29,7 @@ namespace {
 
 constexpr std::size_t rows_together = 40000;
 // Its error does not show: the usual simulation is corrected by it.
-constexpr SimulationOptions fine_simulation{.tolerance = 3e-5, .shift = 7};
+constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .shift = 7};
 constexpr std::array fine_domains{1000, 2000, 4000, 8000, 16000};
 
 using Clock = std::chrono::steady_clock;

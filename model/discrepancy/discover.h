@@ -147,7 +147,8 @@ struct DiscoverProgress {
 
 struct DiscoverOptions {
   std::vector<std::string> held_out;  // names; empty: chosen
-  // Effects that may be named; empty: the whole catalogue.
+  // Effects that may be named; empty: the whole catalogue, and for tables what of it is not the drive's or a
+  // sensor's.
   std::vector<std::string> candidates;
   std::uint64_t seed = 1;
   int threads = 0;  // 0: as many as the machine has

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace ferrobench::model::discrepancy {
 namespace {
@@ -9,6 +10,9 @@ namespace {
 // Slopes are taken over differences that change the residual by so much, far above the noise of a solver that
 // chooses its steps, and far below where a switching or a ringing specimen is no longer linear.
 constexpr double response = 100, least_difference = 0.002;
+constexpr double look_ahead = 0.3;  // as far is looked to both sides of a fit, along its next step
+constexpr double unsolvable = 1e5;  // residuals like no measured one
+constexpr double hope = 10;         // times what is enough: less is not worth going on for
 constexpr int most_rounds = 4;
 constexpr double hardly = 1e-7;  // damped: directions that only priors hold go all the way
 // A sum of squares so many times its number is no minimum that anything is told from.
@@ -29,7 +33,7 @@ Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
   return z;
 }
 
-void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from) {
+void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from, bool roughly = false) {
   const auto n = fit.z.size();
   std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
   std::vector<double> steps;
@@ -39,17 +43,77 @@ void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from) {
     if (i < fit.jacobian.cols())
       difference = std::clamp(response / fit.jacobian.col(i).norm(), std::min(least_difference, difference),
                               difference);
-    auto up = fit.z, down = fit.z;
-    up[i] = std::min(c.high, up[i] + difference);
-    down[i] = std::max(c.low, down[i] - difference);
-    steps.push_back(up[i] - down[i]);
-    places.emplace_back(&fit.hypothesis, std::move(up));
-    places.emplace_back(&fit.hypothesis, std::move(down));
+    auto one = fit.z, other = fit.z;
+    one[i] = std::min(c.high, one[i] + difference);
+    if (!roughly || one[i] == fit.z[i]) other[i] = std::max(c.low, other[i] - difference);
+    steps.push_back(one[i] - other[i]);
+    places.emplace_back(&fit.hypothesis, std::move(one));
+    places.emplace_back(&fit.hypothesis, std::move(other));
   }
   const auto moved = misfit.residuals(places);
   fit.jacobian.conservativeResize(misfit.size(), n);
   for (std::size_t i = 0; i < steps.size(); ++i)
     fit.jacobian.col(from + static_cast<Eigen::Index>(i)) = (moved[2 * i] - moved[2 * i + 1]) / steps[i];
+}
+
+// How the residual changes along a step: r(t) = r + t slope + t^2 curve / 2.
+struct Along {
+  Eigen::VectorXd slope, curve;
+};
+
+// Measured on both sides; the Jacobian learns the slope.
+Along look_along(const Misfit& misfit, Fit& fit, const Eigen::VectorXd& step) {
+  const double far = std::min(1.0, look_ahead / step.cwiseAbs().maxCoeff());
+  const auto up = within(fit.hypothesis, fit.z + far * step),
+             down = within(fit.hypothesis, fit.z - far * step);
+  const Eigen::VectorXd between = up - down;
+  const double length = between.squaredNorm();
+  Along out{.slope = fit.jacobian * step, .curve = Eigen::VectorXd::Zero(misfit.size())};
+  const auto there = misfit.residuals({{&fit.hypothesis, up}, {&fit.hypothesis, down}});
+  const Eigen::VectorXd change = there[0] - there[1];
+  if (change.cwiseAbs().maxCoeff() > unsolvable || length < 1e-12) return out;
+  fit.jacobian += (change - fit.jacobian * between) * (between / length).transpose();
+  if ((between - 2 * far * step).squaredNorm() > 1e-6 * length) return out;  // at the end of a range
+  out.slope = change / (2 * far);
+  out.curve = (fit.corrected(there[0]) + fit.corrected(there[1]) - 2 * fit.residual) / (far * far);
+  return out;
+}
+
+struct Step {
+  Eigen::VectorXd change;          // of z
+  double promised = 0, hoped = 0;  // gain of the sum of squares; without bends
+  double share = 0;                // of Levenberg's step
+};
+
+// Levenberg's step, bent as the valley is and as long as promises most.
+Step next_step(const Misfit& misfit, Fit& fit, double damping) {
+  const Eigen::MatrixXd normal = fit.normal();
+  const Eigen::VectorXd gradient = fit.gradient();
+  Eigen::MatrixXd damped = normal;
+  damped.diagonal() *= 1 + damping;
+  Eigen::VectorXd step = -damped.ldlt().solve(gradient);
+  // No further at once than the model may be trusted to be nearly linear.
+  if (const double longest = step.cwiseAbs().maxCoeff(); longest > 4) step *= 4 / longest;
+  const auto along = look_along(misfit, fit, step);
+  // Where it would bend far, in directions that the data leave open, it is made to bend less.
+  const Eigen::VectorXd pull = fit.jacobian.transpose() * along.curve;
+  Eigen::VectorXd aside = -0.5 * damped.ldlt().solve(pull);
+  for (double stiff = 1; aside.cwiseAbs().maxCoeff() > 0.5 * step.cwiseAbs().maxCoeff(); stiff *= 10)
+    aside = -0.5 * (damped + stiff * Eigen::MatrixXd::Identity(step.size(), step.size())).ldlt().solve(pull);
+  const Eigen::VectorXd bend = 0.5 * along.curve + fit.jacobian * aside;
+  const double first = 2 * fit.residual.dot(along.slope),
+               second = along.slope.squaredNorm() + 2 * fit.residual.dot(bend),
+               third = 2 * along.slope.dot(bend), fourth = bend.squaredNorm();
+  const double before = priors(fit.hypothesis, fit.z);
+  Step out{.change = Eigen::VectorXd::Zero(step.size()),
+           .hoped = -(2 * gradient.dot(step) + step.dot(normal * step))};
+  for (double t = 1.5; t > 0.01; t *= 0.85) {
+    const Eigen::VectorXd change = t * step + t * t * aside;
+    const double gain = before - priors(fit.hypothesis, fit.z + change) -
+                        t * (first + t * (second + t * (third + t * fourth)));
+    if (gain > out.promised) out = {change, gain, out.hoped, t};
+  }
+  return out;
 }
 
 }  // namespace
@@ -99,50 +163,44 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
   int refreshes = 0;
   if (like != nullptr) {
     out.jacobian = like->jacobian;
-    make_columns(misfit, out, like->jacobian.cols());
+    make_columns(misfit, out, like->jacobian.cols(), limits.roughly);
   } else {
-    refresh(misfit, out);
+    make_columns(misfit, out, 0, limits.roughly);
+    out.fresh = true;
     ++refreshes;
   }
   double damping = limits.damping, gained = 0;
   for (int i = 0; i < limits.iterations; ++i) {
     if (limits.tick) limits.tick();
-    const Eigen::MatrixXd normal = out.normal();
-    const Eigen::VectorXd gradient = out.gradient();
-    Eigen::MatrixXd damped = normal;
-    damped.diagonal() *= 1 + damping;
-    Eigen::VectorXd step = -damped.ldlt().solve(gradient);
-    // No further at once than the model may be trusted to be nearly linear.
-    if (const double longest = step.cwiseAbs().maxCoeff(); longest > 4) step *= 4 / longest;
-    const Eigen::VectorXd next = within(hypothesis, out.z + step);
-    step = next - out.z;
-    const double promised = -(2 * gradient.dot(step) + step.dot(normal * step));
-    auto residual = out.corrected(misfit.residuals(hypothesis, next));
-    const double squares = residual.squaredNorm() + priors(hypothesis, next);
-    const double gain = out.squares - squares;
-    if (const double length = step.squaredNorm(); length > 1e-12) {
+    const auto next = next_step(misfit, out, damping);
+    const bool was_fresh = std::exchange(out.fresh, false);
+    double gain = 0;
+    if (next.promised > 0) {
+      auto to = within(hypothesis, out.z + next.change);
+      const Eigen::VectorXd step = to - out.z;
+      auto residual = out.corrected(misfit.residuals(hypothesis, to));
+      const double squares = residual.squaredNorm() + priors(hypothesis, to), length = step.squaredNorm();
+      gain = out.squares - squares;
       // What the Jacobian did not foresee, it learns.
-      if (gain > 0 || promised < 1e3 * std::abs(gain))
+      if (length > 1e-12 && (gain > 0 || next.promised < 1e3 * std::abs(gain)))
         out.jacobian += (residual - out.residual - out.jacobian * step) * (step / length).transpose();
+      if (gain > 0) {
+        out.z = std::move(to);
+        out.residual = std::move(residual);
+        out.squares = squares;
+        gained += gain;
+      }
     }
-    const bool was_fresh = out.fresh;
-    if (gain > 0) {
-      out.z = next;
-      out.residual = std::move(residual);
-      out.squares = squares;
-      gained += gain;
-    }
-    out.fresh = false;
-    damping = gain > 0.5 * promised ? damping * 0.2 : damping * (gain > 0 ? 1.5 : 8);
+    damping *= gain <= 0 ? 8 : gain < 0.5 * next.promised || next.share < 0.5 ? 2 : 0.2;
     const double enough = std::max(limits.enough, 1e-4 * gained);
-    if (gain > std::max(enough, 0.25 * promised)) continue;
-    if (gain >= 0 && gain <= enough && promised <= 4 * enough && (was_fresh || refreshes >= limits.refreshes))
-      break;
+    if (gain > std::max(enough, 0.25 * next.promised)) continue;
+    if (std::max(next.promised, next.hoped) <= hope * enough) break;
     if (refreshes < limits.refreshes && !was_fresh) {
-      refresh(misfit, out);
+      make_columns(misfit, out, 0, limits.roughly);
+      out.fresh = true;
       ++refreshes;
       damping = std::min(damping, 1e-2);
-    } else if (promised < enough || damping > 1e5) {
+    } else if (damping > 1e5) {
       break;
     }
   }
@@ -162,9 +220,10 @@ void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::functio
       f.correction.resize(0);
       f = fit(fine, f.hypothesis, f.z,
               {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = hardly, .tick = tick}, &f);
+      const bool done = before - f.squares < 5;
       correct(misfit, fine, f);
+      if (done) break;
       refresh(misfit, f);
-      if (before - f.squares < 2) break;
     }
   }
 }

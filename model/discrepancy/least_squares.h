@@ -1,5 +1,9 @@
 // Fitting a hypothesis: Levenberg-Marquardt on whitened residuals and priors. The Jacobian is made of
-// differences, once, and kept up by Broyden's updates until it no longer helps.
+// differences, once, and kept up by Broyden's updates until it no longer helps. Steps bend as the valley does
+// (geodesic acceleration: Transtrum & Sethna, arXiv:1201.5885): with J of the slopes, K of the second
+// derivative along a step s, both measured on either side of the fit,
+//
+//   z(t) = z + t s - t^2 (J^T J + damping)^-1 J^T K / 2,   t where |r + t J s + t^2 ...|^2 is least
 #pragma once
 
 #include "model/discrepancy/misfit.h"
@@ -23,8 +27,10 @@ struct Fit {
 
 struct FitLimits {
   int iterations = 12;
-  int refreshes = 2;      // full Jacobians, at most
-  double enough = 0.5;    // a smaller gain, or a smaller share than 1e-4 of what was gained, ends it
+  int refreshes = 2;     // full Jacobians, at most
+  double enough = 0.5;   // a smaller gain, or a smaller share than 1e-4 of what was gained, with no more than
+                         // ten times that in prospect, ends it
+  bool roughly = false;  // Jacobians from one side, at half the cost: where minima are only looked for
   double damping = 1e-3;  // of the first step, a share of the diagonal; less where steps keep their promise
   std::function<void()> tick;  // called after each simulation round; may throw
 };
@@ -34,8 +40,8 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
         const Fit* like = nullptr);
 // Makes the correction anew at the fit's z.
 void correct(const Misfit& misfit, const Misfit& fine, Fit& fit);
-// On from where the fit stands until it ends where the fine simulation has its minimum; the Jacobian is fresh
-// then, the residual that of the fine simulation.
+// On from where the fit stands until it ends where the fine simulation has its minimum; the Jacobian was made
+// close by then, the residual is that of the fine simulation.
 void settle(const Misfit& misfit, const Misfit& fine, Fit& fit, const std::function<void()>& tick);
 // Makes the Jacobian anew at the fit's z.
 void refresh(const Misfit& misfit, Fit& fit);

@@ -15,7 +15,7 @@ constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_sec
 constexpr double astray = 1.2;          // sum of squares over their number
 constexpr double most_squares = 1.2;    // likewise: the noise's level is estimated to a few percent
 constexpr double far_from_enough = 10;  // times what may be left
-constexpr double far_worse = 5;         // a sum of squares than another
+constexpr double far_worse = 2;         // a sum of squares than another
 // Times what may be left: what is further from enough is not searched on.
 constexpr double within_reach = 30, hopeless = 1000;
 
@@ -73,6 +73,13 @@ Starts starts_of(const Misfit& misfit, const Effect& effect) {
   return out;
 }
 
+void make_plausible(const Effect& effect, std::vector<double>& values) {
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const auto& p = effect.parameters[k];
+    values[k] = std::copysign(std::clamp(std::abs(values[k]), p.low, p.high), values[k]);
+  }
+}
+
 class Namer {
  public:
   Namer(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options)
@@ -93,7 +100,7 @@ class Namer {
             }};
   }
   static FitLimits few_steps(const std::function<void()>& in_between) {
-    return {.iterations = 5, .refreshes = 0, .enough = 1, .tick = in_between};
+    return {.iterations = 3, .refreshes = 0, .enough = 1, .tick = in_between};
   }
   double allowed(const Trial& t) const { return allowed_left(options_, t.drop); }
   bool is_enough(const Trial& t) const { return t.checked && t.left < allowed(t); }
@@ -182,10 +189,14 @@ void Namer::refit(std::vector<Trial>& into, const Fit& from, const std::vector<c
   };
   if (from.squares < astray * samples_) return add(from_base(from, s, limits), false);
   if (options_.few) {
-    auto to_the_end = limits;
-    to_the_end.refreshes = 2;
-    const auto hypothesis = with_effect(from.hypothesis, *s.effect, s.values);
-    return add(fit(misfit_, hypothesis, at_rest(hypothesis), to_the_end), false);
+    auto starts = starts_around(misfit_, *s.effect, s.values);
+    std::ranges::move(starts_of(misfit_, *s.effect), std::back_inserter(starts));
+    for (auto& values : starts) make_plausible(*s.effect, values);
+    const auto begun = from_rest(rest_of(from), *s.effect, starts, limits.tick);
+    auto to_the_end = limits;  // tables are simulated in milliseconds
+    to_the_end.iterations = 40;
+    to_the_end.refreshes = 6;
+    return add(fit(misfit_, begun.hypothesis, begun.z, to_the_end, &begun), false);
   }
   add(from_base(from, s, few_steps(limits.tick)), true);
   // A second one was screened beside the first, so its strength is about right.

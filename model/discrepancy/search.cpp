@@ -15,7 +15,7 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
              Health& health) {
   std::mt19937_64 random(options.seed);
   std::normal_distribution<double> normal;
-  FitLimits limits{.iterations = 20, .refreshes = 3, .enough = 5, .tick = {}};
+  FitLimits limits{.iterations = 20, .refreshes = 3, .enough = 5, .roughly = true, .tick = {}};
   limits.tick = [&] { options.tick("recalibrating the model", 0.03); };
   Fit best = fit(misfit, base, at_rest(base), limits);
   const double first = best.squares;
@@ -34,6 +34,7 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
   }
   if (options.roughly_fitted) {
     options.roughly_fitted(best);
+    limits.roughly = false;
     best = fit(misfit, base, best.z, limits);
   }
   settle(misfit, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
@@ -86,7 +87,7 @@ void equivalences(Discovery& out, const Naming& naming, double samples, double c
   for (const auto& t : naming.trials)
     if (t.effects.size() == 1 && best.effects.size() == 1 && score(t, samples) > score(best, samples) - close)
       group.emplace_back(t.effects[0]->id);
-  if (group.size() > 1) out.equivalent.push_back(std::move(group));
+  if (group.size() > 1) out.equivalent.emplace_back(std::move(group));
 }
 
 }  // namespace
@@ -137,8 +138,8 @@ std::vector<const Effect*> candidates_of(const Model& model, const std::vector<s
 
 Simulations choose_simulations(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
                                const SimulationOptions& fine, std::span<const int> domains, Health& health) {
-  constexpr double unnoticed = 6;      // of the sum of squares, where 60 is something
-  constexpr double well_below = 0.35;  // of the noise; what there is of it is corrected for
+  constexpr double unnoticed = 6;  // of the sum of squares, where 60 is something
+  constexpr double below = 0.8;    // of the noise: what there is of it is corrected for
   Simulations out{.usual = {}, .fine = fine};
   Eigen::VectorXd exact;
   for (const int count : domains) {
@@ -156,7 +157,7 @@ Simulations choose_simulations(const std::function<Eigen::VectorXd(const Simulat
     health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
   for (const int count : {250, 500, 1000, 2000, 4000}) {
     out.usual = {.tolerance = 1e-5, .domains = count};
-    if ((at(out.usual) - exact).norm() < well_below * std::sqrt(static_cast<double>(exact.size()))) break;
+    if ((at(out.usual) - exact).norm() < below * std::sqrt(static_cast<double>(exact.size()))) break;
   }
   return out;
 }

@@ -21,7 +21,7 @@ void check_held_out(const std::vector<std::string>& wanted, const std::vector<st
 // got and that mean something for it.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
 
-// `usual`: the cheapest whose own error is well below the noise. `fine`, which corrects it: the first of
+// `usual`: the cheapest whose own error is below the noise. `fine`, which corrects it: the first of
 // these numbers of domains with an error that no verdict would notice, else the last one.
 struct Simulations {
   SimulationOptions usual, fine;
