@@ -38,6 +38,7 @@ void add_protocol(CLI::App& app, Common& common);
 void add_model(CLI::App& app, Common& common);
 void add_call(CLI::App& app, Common& common);
 void add_export(CLI::App& app, Common& common);
+void add_selftest(CLI::App& app, Common& common);
 
 // The whole program: parses, acts, prints errors to stderr.
 int run_program(int argc, const char* const* argv);

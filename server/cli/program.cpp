@@ -45,6 +45,7 @@ void build(CLI::App& app, Common& common) {
   add_discover(app, common);
   add_protocol(app, common);
   add_model(app, common);
+  add_selftest(app, common);
   add_call(app, common);
   add_export(app, common);
 }

@@ -49,6 +49,7 @@ TEST_F(Cli, HelpNamesEveryOptionOfTheFixedForms) {
         "--out", "--force", "--format", "--quiet", "Example"}},
       {{"rerun"}, {"RECORDING", "--device", "--out", "--force", "--notes", "--quiet", "Example"}},
       {{"compare"}, {"A", "B", "--format", "Exit code 1", "Example"}},
+      {{"selftest"}, {"--device", "--device-config", "--model", "--format", "Exit code 1", "Example"}},
       {{"run"},
        {"PROTOCOL", "--device", "--model", "--fast", "--seed", "--out", "FILE.h5", "--set", "KEY=VALUE",
         "--force", "--notes", "--quiet", "Ctrl-C"}},
@@ -247,6 +248,19 @@ TEST_F(Cli, ReplayRerunCompare) {
   EXPECT_EQ(run({"replay", a, "--fast", "--out", a, "--force"}).code, exit_error);
   EXPECT_TRUE(std::filesystem::exists(a));
   EXPECT_EQ(run({"replay", a, "--from", "99"}).code, exit_error);
+}
+
+TEST_F(Cli, SelftestMeasuresADevice) {
+  std::ofstream(file("good.json")) << R"({"clock": "fast"})";
+  const auto good = run({"selftest", "--device-config", file("good.json")});
+  EXPECT_EQ(good.code, exit_ok) << good.out << good.err;
+  for (const char* word : {"monitor offset", "monitor gain", "charge noise", "The device does what it says."})
+    EXPECT_NE(good.out.find(word), std::string::npos) << word;
+  std::ofstream(file("bad.json")) << R"({"clock": "fast", "field": {"gain": 1.05}})";
+  const auto bad = run({"selftest", "--device-config", file("bad.json"), "--format", "json"});
+  EXPECT_EQ(bad.code, exit_error) << bad.err;
+  EXPECT_FALSE(nlohmann::json::parse(bad.out).at("passed").get<bool>());
+  EXPECT_EQ(run({"selftest", "--device", "oscilloscope"}).code, exit_error);
 }
 
 TEST_F(Cli, LibraryAndSchemas) {

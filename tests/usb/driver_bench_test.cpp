@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "boards/virtual_bench.h"
+#include "daq/selftest.h"
 #include "daq/virtual/virtual_device.h"
 #include "rig.h"
 #include "tests/daq/programs.h"
@@ -82,6 +83,19 @@ TEST(DriverBench, MeasuresWhatTheVirtualDeviceMeasures) {
     EXPECT_LT(std::sqrt(squares / n), std::sqrt(2.0) * 1.2 * sigma + systematic) << c;
     EXPECT_LT(std::abs(sum / n), 5 * std::sqrt(2 / n) * sigma + systematic) << c;
   }
+}
+
+TEST(DriverBench, PassesTheSelftest) {
+  const auto config = bench_config();
+  VirtualBench board(config);
+  Rig rig(device_config(config), board);
+  const auto report = daq::selftest(rig.device());
+  EXPECT_GE(report.rows.size(), 7U);
+  for (const auto& row : report.rows) {
+    if (row.quantity == "rate") continue;  // the unit's time is not the host's here
+    EXPECT_TRUE(row.passed()) << row.quantity << ": " << row.measured;
+  }
+  EXPECT_NEAR(rig.output_volts(), 0, 0.5e-3);
 }
 
 TEST(DriverBench, TheEnableLineAndTheInterlockAreTheBenchs) {
