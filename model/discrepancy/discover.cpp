@@ -11,6 +11,7 @@
 #include "model/discrepancy/report.h"
 #include "model/discrepancy/search.h"
 #include "model/discrepancy/signals.h"
+#include "recordings/skew.h"
 
 namespace ferrobench::model {
 
@@ -78,6 +79,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   Session s(options);
   s.tick("reading the recordings", 0);
   const auto candidates = candidates_of(base, options.candidates);
+  for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
   s.bench = prepare(base, recordings, rows_together, s.out.health.warnings);
   recordings.clear();
   split(s);

@@ -3,6 +3,7 @@
 
 #include "model/fit/fit.h"
 #include "model/on_recording.h"
+#include "recordings/skew.h"
 
 namespace ferrobench::model {
 namespace {
@@ -74,6 +75,7 @@ class RecordingTarget final : public FitTarget {
 }  // namespace
 
 std::unique_ptr<FitTarget> recording_target(std::vector<recordings::Recording> recordings) {
+  for (auto& r : recordings) ferrobench::recordings::remove_skew(r);
   return std::make_unique<RecordingTarget>(std::move(recordings));
 }
 

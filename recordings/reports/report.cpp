@@ -1,7 +1,10 @@
 #include "recordings/reports/report.h"
 
+#include <algorithm>
+
 #include "protocols/common/units.h"
 #include "recordings/reports/html_page.h"
+#include "recordings/skew.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -47,7 +50,12 @@ nlohmann::json as_json(const Report& report) {
 
 }  // namespace
 
-Report make_report(const Recording& r) {
+Report make_report(const Recording& given) {
+  std::optional<Recording> aligned;
+  const auto skews = skew_of(given.header.device);
+  const double skew = *std::ranges::max_element(skews);
+  if (skew > 0) remove_skew(aligned.emplace(given));
+  const Recording& r = aligned ? *aligned : given;
   const auto& h = r.header;
   Report report{.title = h.title.empty() ? "Recording" : h.title, .facts = {}, .tables = {}};
   add_fact(report, "status", r.reason.empty() ? r.status : r.status + " (" + r.reason + ")");
@@ -58,6 +66,9 @@ Report make_report(const Recording& r) {
   add_fact(report, "protocol", text_at(h.protocol, "name"));
   add_fact(report, "model", text_at(h.model, "name"));
   add_fact(report, "device", text_at(h.device, "driver"));
+  if (skew > 0)
+    add_fact(report, "channels",
+             "read up to " + number_text(skew * 1e6) + " us after their row, brought back to it");
   add_fact(report, "specimen",
            (h.specimen.name.empty() ? "" : h.specimen.name + ": ") + number_text(h.specimen.length * 1e3) +
                " mm long, " + number_text(h.specimen.area * 1e6) + " mm^2, " +
