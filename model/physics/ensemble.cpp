@@ -9,6 +9,7 @@ namespace ferrobench::model {
 namespace {
 
 constexpr double largest_growth = 1e260;  // of an outflow, in a sleeper's bounds
+constexpr double share_of_hold = 0.2;     // in which rates may change, or steps grow
 
 }  // namespace
 
@@ -59,7 +60,7 @@ void Ensemble::start(const Loads& at) {
   std::fill(columns_[minus].begin(), columns_[minus].end(), 0.0);
   at_ = at;
   polarization_then_ = constants_.polarization;
-  time_ = stress_path_ = 0;
+  time_ = still_ = stress_path_ = 0;
   awake_ = size_;
   asleep_plus_ = asleep_minus_ = 0;
   evaluate_rates(constants_, domains(), size_, at_, now_.columns());
@@ -107,12 +108,19 @@ void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
   if (found > 0) evaluate_rates(constants_, domains(first), found, at_, now_.columns(first));
 }
 
-// A domain may sleep if its outflow could not move `negligible` within e^1.5 steps like the last, nor will in
-// the next. Half of the margin is granted to the field, the rest to stress and time.
+// The time over which what a sleeper misses is counted: the last step's or, where many short ones were asked
+// for, that in which rates change by a factor of e or the hold goes on by a fifth.
+double Ensemble::horizon(double field_step, const Sensitivity& s) const {
+  return std::max(proposed_h_,
+                  field_step != 0 ? proposed_h_ / (std::abs(field_step) * s.field) : share_of_hold * still_);
+}
+
+// A domain may sleep if its outflow could not move `negligible` within e^1.5 horizons, nor will in the next.
+// Half of the margin is granted to the field, the rest to stress and time.
 void Ensemble::put_to_sleep(double field_step) {
-  const double span = proposed_h_ / constants_.relaxation_time;
-  const double limit = negligible_ * std::exp(-1.5) / span;
   const auto s = sensitivity(at_, at_);
+  const double window = horizon(field_step, s), span = window / constants_.relaxation_time;
+  const double limit = negligible_ * std::exp(-1.5) / span;
   const double field_share = 0.5 / s.field, stress_share = 0.25 / s.stress;
   const double next_low = at_.field + 2 * std::min(0.0, field_step),
                next_high = at_.field + 2 * std::max(0.0, field_step);
@@ -147,7 +155,7 @@ void Ensemble::put_to_sleep(double field_step) {
     bounds_[longest_stress_path][last] =
         stress_path_ + stress_share * std::min(margin_falling, margin_rising);
     bounds_[latest_time][last] =
-        time_ + proposed_h_ * std::sqrt(std::sqrt(std::min(growth_falling, growth_rising)));
+        time_ + window * std::sqrt(std::sqrt(std::min(growth_falling, growth_rising)));
   }
 }
 
@@ -172,6 +180,7 @@ void Ensemble::accept() {
   const double field_step = proposed_at_.field - at_.field;
   stress_path_ += std::abs(proposed_at_.stress - at_.stress);
   time_ += proposed_h_;
+  still_ = field_step == 0 ? still_ + proposed_h_ : 0;
   at_ = proposed_at_;
   means_ = proposed_;
   std::copy_n(then_plus_.begin(), awake_, columns_[plus].begin());

@@ -203,6 +203,30 @@ Energy last_cycle(const Model& model) {
   return e;
 }
 
+// A unit that is told a level every quarter of a millisecond must not lose what creeps meanwhile.
+TEST(Hold, MayBePlayedInManyShortPieces) {
+  const auto model = library_model("nec-ae0505d08");
+  const auto creep_in_pieces_of = [&](double piece) {
+    Simulator simulator(model, {.tolerance = 1e-4, .domains = 500});
+    simulator.start(0);
+    double x = 0;
+    const auto go = [&](double duration, double field) {
+      const double end = simulator.time() + duration;
+      ChannelSpans out;
+      out.displacement = std::span(&x, 1);
+      simulator.play(duration, field, std::span(&end, 1), out);
+      return x;
+    };
+    go(0.15, 1.5e6);
+    const double begin = go(0.2, -5e5);
+    for (int i = 0; i < std::lround(10 / piece); ++i) go(piece, -5e5);
+    return x - begin;
+  };
+  const double whole = creep_in_pieces_of(10);
+  EXPECT_GT(whole, 2e-6);
+  EXPECT_NEAR(creep_in_pieces_of(2.5e-4), whole, 3e-4 * whole);
+}
+
 TEST(Cycle, TurnsItsWorkIntoHeatOfSwitching) {
   for (const double stiffness : {0.0, 2.7e6, 10e6}) {
     auto model = crystal();
