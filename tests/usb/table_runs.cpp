@@ -1,6 +1,7 @@
-// ferrobench_usb_table_runs TABLE [--seed N]: a published table's experiments through USB, on virtual benches
-// behind emulated units, beside the same on the virtual device with other noise. Exit code 1 if they are
-// further apart than noise allows.
+// ferrobench_usb_table_runs TABLE [--seed N] [--update-rate HZ]: a published table's experiments through USB,
+// on virtual benches behind emulated units, beside the same on the virtual device with other noise. Exit code
+// 1 if they are further apart than noise allows. The output moves in steps, each of them ahead of the ramp by
+// up to one tick: creep after fast ramps is short by some percent at 400 steps a second.
 #include "server/engine/table_runs.h"
 
 #include <algorithm>
@@ -37,7 +38,7 @@ struct Folder {
 };
 
 recordings::Recording through_usb(const server::RunRequest& request, const server::Store& store,
-                                  const fs::path& file) {
+                                  const fs::path& file, double update_rate) {
   const auto direct = server::make_plan(request, store);
   BenchConfig bench;
   bench.specimen = daq::virtual_config_from_json(direct.device_config);
@@ -48,7 +49,7 @@ recordings::Recording through_usb(const server::RunRequest& request, const serve
   usb.model = nullptr;
   usb.fast = false;
   usb.config = device_config(bench);
-  usb.config["update_rate"] = 400;
+  usb.config["update_rate"] = update_rate;
   auto plan = server::make_plan(usb, store);
   Rig rig(plan.device_config, board);
 
@@ -71,14 +72,15 @@ recordings::Recording through_usb(const server::RunRequest& request, const serve
   return recordings::read_recording(status.path);
 }
 
-int run(const std::string& table, std::int64_t seed) {
+int run(const std::string& table, std::int64_t seed, double update_rate) {
   const Folder folder;
   const server::Store store(folder.path);
   const auto requests = server::table_requests(table, nullptr, nlohmann::json::object(), seed);
   std::vector<recordings::Recording> recorded;
   for (std::size_t i = 0; i < requests.size(); ++i) {
     std::fprintf(stderr, "run %zu of %zu\n", i + 1, requests.size());
-    recorded.push_back(through_usb(requests[i], store, folder.path / (std::to_string(i) + ".h5")));
+    recorded.push_back(
+        through_usb(requests[i], store, folder.path / (std::to_string(i) + ".h5"), update_rate));
   }
   const auto usb = compare(recordings::published_table(table), recorded);
   // What the noise alone makes of it: the spread of several seeds without USB.
@@ -116,12 +118,24 @@ int run(const std::string& table, std::int64_t seed) {
 }  // namespace ferrobench::emulator
 
 int main(int argc, char** argv) {
-  if (argc != 2 && argc != 4) {
-    std::fputs("usage: ferrobench_usb_table_runs TABLE [--seed N]\n", stderr);
+  std::string table;
+  std::int64_t seed = 1;
+  double update_rate = 4000;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "--seed" && i + 1 < argc)
+      seed = std::atoll(argv[++i]);
+    else if (argument == "--update-rate" && i + 1 < argc)
+      update_rate = std::atof(argv[++i]);
+    else
+      table = argument;
+  }
+  if (table.empty() || table.starts_with("-")) {
+    std::fputs("usage: ferrobench_usb_table_runs TABLE [--seed N] [--update-rate HZ]\n", stderr);
     return 2;
   }
   try {
-    return ferrobench::emulator::run(argv[1], argc == 4 ? std::atoll(argv[3]) : 1);
+    return ferrobench::emulator::run(table, seed, update_rate);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "ferrobench_usb_table_runs: %s\n", error.what());
     return 2;
