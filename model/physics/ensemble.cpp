@@ -9,7 +9,7 @@ namespace ferrobench::model {
 namespace {
 
 constexpr double largest_growth = 1e260;  // of an outflow, in a sleeper's bounds
-constexpr double share_of_hold = 0.2;     // in which rates may change, or steps grow
+constexpr double share_of_hold = 0.2;     // by which steps grow
 
 }  // namespace
 
@@ -108,18 +108,17 @@ void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
   if (found > 0) evaluate_rates(constants_, domains(first), found, at_, now_.columns(first));
 }
 
-// The time over which what a sleeper misses is counted: the last step's or, where many short ones were asked
-// for, that in which rates change by a factor of e or the hold goes on by a fifth.
-double Ensemble::horizon(double field_step, const Sensitivity& s) const {
-  return std::max(proposed_h_,
-                  field_step != 0 ? proposed_h_ / (std::abs(field_step) * s.field) : share_of_hold * still_);
+// The time over which what a sleeper misses is counted: the last step's or, in a hold of which many short
+// ones were asked for, that in which it goes on by a fifth.
+double Ensemble::horizon(double field_step) const {
+  return field_step == 0 ? std::max(proposed_h_, share_of_hold * still_) : proposed_h_;
 }
 
 // A domain may sleep if its outflow could not move `negligible` within e^1.5 horizons, nor will in the next.
 // Half of the margin is granted to the field, the rest to stress and time.
 void Ensemble::put_to_sleep(double field_step) {
   const auto s = sensitivity(at_, at_);
-  const double window = horizon(field_step, s), span = window / constants_.relaxation_time;
+  const double window = horizon(field_step), span = window / constants_.relaxation_time;
   const double limit = negligible_ * std::exp(-1.5) / span;
   const double field_share = 0.5 / s.field, stress_share = 0.25 / s.stress;
   const double next_low = at_.field + 2 * std::min(0.0, field_step),

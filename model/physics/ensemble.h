@@ -44,7 +44,7 @@ class Ensemble final : public Kinetics {
   };
   Sensitivity sensitivity(const Loads& a, const Loads& b) const;
   void wake(const Loads& to, double stress_path_end, double time_end);
-  double horizon(double field_step, const Sensitivity& s) const;
+  double horizon(double field_step) const;
   void put_to_sleep(double field_step);
 
   KineticConstants constants_;
