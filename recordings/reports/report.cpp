@@ -50,12 +50,12 @@ nlohmann::json as_json(const Report& report) {
 
 }  // namespace
 
-Report make_report(const Recording& given) {
+Report make_report(const Recording& recording) {
   std::optional<Recording> aligned;
-  const auto skews = skew_of(given.header.device);
+  const auto skews = skew_of(recording.header.device);
   const double skew = *std::ranges::max_element(skews);
-  if (skew > 0) remove_skew(aligned.emplace(given));
-  const Recording& r = aligned ? *aligned : given;
+  if (skew > 0) remove_skew(aligned.emplace(recording));
+  const Recording& r = aligned ? *aligned : recording;
   const auto& h = r.header;
   Report report{.title = h.title.empty() ? "Recording" : h.title, .facts = {}, .tables = {}};
   add_fact(report, "status", r.reason.empty() ? r.status : r.status + " (" + r.reason + ")");
