@@ -98,8 +98,11 @@ Step next_step(const Misfit& misfit, Fit& fit, double damping) {
   // Where it would bend far, in directions that the data leave open, it is made to bend less.
   const Eigen::VectorXd pull = fit.jacobian.transpose() * along.curve;
   Eigen::VectorXd aside = -0.5 * damped.ldlt().solve(pull);
-  for (double stiff = 1; aside.cwiseAbs().maxCoeff() > 0.5 * step.cwiseAbs().maxCoeff(); stiff *= 10)
+  double stiff = 1;
+  while (aside.cwiseAbs().maxCoeff() > 0.5 * step.cwiseAbs().maxCoeff()) {
     aside = -0.5 * (damped + stiff * Eigen::MatrixXd::Identity(step.size(), step.size())).ldlt().solve(pull);
+    stiff *= 10;
+  }
   const Eigen::VectorXd bend = 0.5 * along.curve + fit.jacobian * aside;
   const double first = 2 * fit.residual.dot(along.slope),
                second = along.slope.squaredNorm() + 2 * fit.residual.dot(bend),
@@ -107,7 +110,8 @@ Step next_step(const Misfit& misfit, Fit& fit, double damping) {
   const double before = priors(fit.hypothesis, fit.z);
   Step out{.change = Eigen::VectorXd::Zero(step.size()),
            .hoped = -(2 * gradient.dot(step) + step.dot(normal * step))};
-  for (double t = 1.5; t > 0.01; t *= 0.85) {
+  double t = 1.5;
+  for (int k = 0; k < 31; ++k, t *= 0.85) {  // to 0.01
     const Eigen::VectorXd change = t * step + t * t * aside;
     const double gain = before - priors(fit.hypothesis, fit.z + change) -
                         t * (first + t * (second + t * (third + t * fourth)));

@@ -201,6 +201,7 @@ void RecordingMisfit::allow(const Allowance& a, Eigen::Ref<Eigen::VectorXd> colu
   part -= a.directions * along;
 }
 
+// NOLINTNEXTLINE(performance-unnecessary-value-param): written through
 void RecordingMisfit::allow(Eigen::Ref<Eigen::VectorXd> column) const {
   for (const auto& a : allowances_) allow(a, column);
 }
