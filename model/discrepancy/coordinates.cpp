@@ -18,14 +18,8 @@ Coordinate with_prior(std::string path, double from, double scale) {
 // A solver's steps do not know of a sensor, so there no noise of theirs forbids small differences; and what
 // is limited has kinks, which want them.
 double difference_of(const Effect& effect) {
-  switch (effect.family) {
-    case Family::charge_sensor:
-    case Family::displacement_sensor:
-    case Family::force_sensor:
-      return 1e-4;
-    default:
-      return effect.parameters.front().limit_of == LimitOf::nothing ? Coordinate{}.difference : 0.01;
-  }
+  if (is_sensor(effect.family)) return 1e-4;
+  return effect.parameters.front().limit_of == LimitOf::nothing ? Coordinate{}.difference : 0.01;
 }
 
 // Of "effects.ID.PARAMETER"; null for other paths.

@@ -50,15 +50,7 @@ ChannelFigures rms_by_channel(const std::vector<TableCell>& cells, const std::ve
 
 // What is published is the specimen's: faults of the bench are looked for only if they are asked for.
 bool of_the_bench(const Effect* effect) {
-  switch (effect->family) {
-    case Family::drive:
-    case Family::charge_sensor:
-    case Family::displacement_sensor:
-    case Family::force_sensor:
-      return true;
-    default:
-      return false;
-  }
+  return effect->family == Family::drive || is_sensor(effect->family);
 }
 
 }  // namespace
@@ -93,7 +85,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   auto candidates = candidates_of(base, options.candidates);
   if (options.candidates.empty()) std::erase_if(candidates, of_the_bench);
   const auto found = search(misfit, fine, hypothesis,
-                            {.candidates = candidates,
+                            {.candidates = std::move(candidates),
                              .seed = options.seed,
                              .small_against = 2.5e-3,
                              .few = true,

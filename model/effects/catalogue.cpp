@@ -17,6 +17,11 @@ std::string_view family_name(Family family) {
   return names.at(static_cast<std::size_t>(family));
 }
 
+bool is_sensor(Family family) {
+  return family == Family::charge_sensor || family == Family::displacement_sensor ||
+         family == Family::force_sensor;
+}
+
 std::span<const Effect> effect_catalogue() {
   static const std::vector<Effect> catalogue = effects::all();
   return catalogue;

@@ -27,6 +27,7 @@ enum class Family {
   force_sensor
 };
 std::string_view family_name(Family family);
+bool is_sensor(Family family);
 
 // off_at_infinity: above zero, and the effect fades as the value grows (a resistivity, a limit).
 enum class Sign { not_negative, above_zero, off_at_infinity, any };
