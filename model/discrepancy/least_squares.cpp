@@ -11,7 +11,6 @@ namespace {
 // chooses its steps, and far below where a switching or a ringing specimen is no longer linear.
 constexpr double response = 100, least_difference = 0.002;
 constexpr double look_ahead = 0.3;  // as far is looked to both sides of a fit, along its next step
-constexpr double unsolvable = 1e5;  // residuals like no measured one
 constexpr double hope = 10;         // times what is enough: less is not worth going on for
 constexpr int most_rounds = 4;
 constexpr double hardly = 1e-7;  // damped: directions that only priors hold go all the way
@@ -33,7 +32,7 @@ Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
   return z;
 }
 
-void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from, bool roughly = false) {
+void make_columns(const Misfit& misfit, Fit& fit, Eigen::Index from, bool roughly) {
   const auto n = fit.z.size();
   std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
   std::vector<double> steps;
@@ -71,7 +70,7 @@ Along look_along(const Misfit& misfit, Fit& fit, const Eigen::VectorXd& step) {
   Along out{.slope = fit.jacobian * step, .curve = Eigen::VectorXd::Zero(misfit.size())};
   const auto there = misfit.residuals({{&fit.hypothesis, up}, {&fit.hypothesis, down}});
   const Eigen::VectorXd change = there[0] - there[1];
-  if (change.cwiseAbs().maxCoeff() > unsolvable || length < 1e-12) return out;
+  if (Misfit::is_unsolved(change) || length < 1e-12) return out;
   fit.jacobian += (change - fit.jacobian * between) * (between / length).transpose();
   if ((between - 2 * far * step).squaredNorm() > 1e-6 * length) return out;  // at the end of a range
   out.slope = change / (2 * far);
@@ -91,13 +90,14 @@ Step next_step(const Misfit& misfit, Fit& fit, double damping) {
   const Eigen::VectorXd gradient = fit.gradient();
   Eigen::MatrixXd damped = normal;
   damped.diagonal() *= 1 + damping;
-  Eigen::VectorXd step = -damped.ldlt().solve(gradient);
+  const auto factor = damped.ldlt();
+  Eigen::VectorXd step = -factor.solve(gradient);
   // No further at once than the model may be trusted to be nearly linear.
   if (const double longest = step.cwiseAbs().maxCoeff(); longest > 4) step *= 4 / longest;
   const auto along = look_along(misfit, fit, step);
   // Where it would bend far, in directions that the data leave open, it is made to bend less.
   const Eigen::VectorXd pull = fit.jacobian.transpose() * along.curve;
-  Eigen::VectorXd aside = -0.5 * damped.ldlt().solve(pull);
+  Eigen::VectorXd aside = -0.5 * factor.solve(pull);
   double stiff = 1;
   while (aside.cwiseAbs().maxCoeff() > 0.5 * step.cwiseAbs().maxCoeff()) {
     aside = -0.5 * (damped + stiff * Eigen::MatrixXd::Identity(step.size(), step.size())).ldlt().solve(pull);
@@ -150,8 +150,8 @@ void correct(const Misfit& misfit, const Misfit& fine, Fit& fit) {
   fit.squares = fit.residual.squaredNorm() + priors(fit.hypothesis, fit.z);
 }
 
-void refresh(const Misfit& misfit, Fit& fit) {
-  make_columns(misfit, fit, 0);
+void refresh(const Misfit& misfit, Fit& fit, bool roughly) {
+  make_columns(misfit, fit, 0, roughly);
   fit.fresh = true;
 }
 
@@ -169,8 +169,7 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
     out.jacobian = like->jacobian;
     make_columns(misfit, out, like->jacobian.cols(), limits.roughly);
   } else {
-    make_columns(misfit, out, 0, limits.roughly);
-    out.fresh = true;
+    refresh(misfit, out, limits.roughly);
     ++refreshes;
   }
   double damping = limits.damping, gained = 0;
@@ -200,8 +199,7 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
     if (gain > std::max(enough, 0.25 * next.promised)) continue;
     if (std::max(next.promised, next.hoped) <= hope * enough) break;
     if (refreshes < limits.refreshes && !was_fresh) {
-      make_columns(misfit, out, 0, limits.roughly);
-      out.fresh = true;
+      refresh(misfit, out, limits.roughly);
       ++refreshes;
       damping = std::min(damping, 1e-2);
     } else if (damping > 1e5) {

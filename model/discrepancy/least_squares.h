@@ -43,8 +43,8 @@ void correct(const Misfit& misfit, const Misfit& fine, Fit& fit);
 // On from where the fit stands until it ends where the fine simulation has its minimum; the Jacobian was made
 // close by then, the residual is that of the fine simulation.
 void settle(const Misfit& misfit, const Misfit& fine, Fit& fit, const std::function<void()>& tick);
-// Makes the Jacobian anew at the fit's z.
-void refresh(const Misfit& misfit, Fit& fit);
+// Makes the Jacobian anew at the fit's z; `roughly` as in FitLimits.
+void refresh(const Misfit& misfit, Fit& fit, bool roughly = false);
 
 // The part of the sum of squares that a change `r` of the residual leaves once all coordinates have followed:
 //   drop(a r) = 2 a along - a^2 across

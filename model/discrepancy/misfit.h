@@ -39,6 +39,11 @@ class Misfit {
   std::vector<Eigen::VectorXd> residuals(
       const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const;
 
+  // Whether a change of the residuals comes from a model that could not be solved on one side of it.
+  static bool is_unsolved(const Eigen::VectorXd& change) {
+    return change.cwiseAbs().maxCoeff() > 0.1 * unsolvable;
+  }
+
   // The shortest and the longest time constant that could show.
   struct Times {
     double shortest = 0, longest = 0;  // s

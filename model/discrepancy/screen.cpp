@@ -105,7 +105,7 @@ std::vector<Screened> screen(const Misfit& misfit, const Fit& fit, const ScreenO
           p.strength = next;
         };
         const Eigen::VectorXd r = fit.corrected(residuals[i - begin]) - fit.residual;
-        if (r.cwiseAbs().maxCoeff() > 1e5) {
+        if (Misfit::is_unsolved(r)) {
           go_to(0.1 * p.strength);
           continue;
         }
