@@ -1,7 +1,6 @@
 // ferrobench_usb_table_runs TABLE [--seed N] [--update-rate HZ]: a published table's experiments through USB,
 // on virtual benches behind emulated units, beside the same on the virtual device with other noise. Exit code
-// 1 if they are further apart than noise allows. Table 3.13 is not; in
-// table 3.11 creep after the fast ramps is short by 1 to 2 %, by 3 % with 400 steps of the output a second.
+// 1 if they are further apart than noise allows: those of table 3.11 are, README.md says by how much.
 #include "server/engine/table_runs.h"
 
 #include <algorithm>
