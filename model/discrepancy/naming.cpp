@@ -11,7 +11,7 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3,
-                      most_rested = 3;
+                      most_tried = 3;
 constexpr double astray = 1.2;          // sum of squares over their number
 constexpr double most_squares = 1.2;    // likewise: the noise's level is estimated to a few percent
 constexpr double far_from_enough = 10;  // times what may be left
@@ -110,8 +110,8 @@ class Namer {
   }
 
   const Fit& rest_of(const Fit& from);
-  Fit from_rest(const Fit& rest, const Effect& effect, const Starts& starts,
-                const std::function<void()>& in_between) const;
+  Fit best_start(const Fit& from, const Effect& effect, const Starts& starts,
+                 const std::function<void()>& in_between) const;
   Fit from_base(const Fit& from, const Screened& s, const FitLimits& limits) const;
   void refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
              const Screened& s, const FitLimits& limits);
@@ -124,7 +124,7 @@ class Namer {
   void add_pairs(const Trial& first, const std::vector<Screened>& seconds, double from, double to);
   bool check_pairs(double from, double to);
   bool try_halves(bool found);
-  void try_from_rest();
+  void try_every_effect(const Trial* first);
 
   const Misfit& misfit_;
   const Misfit& fine_;
@@ -152,14 +152,14 @@ const Fit& Namer::rest_of(const Fit& from) {
 }
 
 // A few steps from each start, the best of them.
-Fit Namer::from_rest(const Fit& rest, const Effect& effect, const Starts& starts,
-                     const std::function<void()>& in_between) const {
+Fit Namer::best_start(const Fit& from, const Effect& effect, const Starts& starts,
+                      const std::function<void()>& in_between) const {
   std::optional<Fit> best;
   for (const auto& values : starts) {
-    const auto hypothesis = with_effect(rest.hypothesis, effect, values);
+    const auto hypothesis = with_effect(from.hypothesis, effect, values);
     auto z = at_rest(hypothesis);
-    z.head(rest.z.size()) = rest.z;
-    auto f = fit(misfit_, hypothesis, z, few_steps(in_between), &rest);
+    z.head(from.z.size()) = from.z;
+    auto f = fit(misfit_, hypothesis, z, few_steps(in_between), &from);
     if (!best || f.squares < best->squares) best = std::move(f);
   }
   return *std::move(best);
@@ -192,7 +192,7 @@ void Namer::refit(std::vector<Trial>& into, const Fit& from, const std::vector<c
     auto starts = starts_around(misfit_, *s.effect, s.values);
     std::ranges::move(starts_of(misfit_, *s.effect), std::back_inserter(starts));
     for (auto& values : starts) make_plausible(*s.effect, values);
-    const auto begun = from_rest(rest_of(from), *s.effect, starts, limits.tick);
+    const auto begun = best_start(rest_of(from), *s.effect, starts, limits.tick);
     auto to_the_end = limits;  // tables are simulated in milliseconds
     to_the_end.iterations = 40;
     to_the_end.refreshes = 6;
@@ -201,7 +201,7 @@ void Namer::refit(std::vector<Trial>& into, const Fit& from, const std::vector<c
   add(from_base(from, s, few_steps(limits.tick)), true);
   // A second one was screened beside the first, so its strength is about right.
   const auto starts = before.empty() ? starts_around(misfit_, *s.effect, s.values) : Starts{s.values};
-  add(from_rest(rest_of(from), *s.effect, starts, limits.tick), true);
+  add(best_start(rest_of(from), *s.effect, starts, limits.tick), true);
   if (before.empty()) from_rest_.insert(s.effect);
 }
 
@@ -302,40 +302,44 @@ void Namer::compare_the_best() {
   best_first(out_.trials);
 }
 
-// The base may have made up for what is missing in a way that leads away from it: every effect once more,
-// from what was given.
-void Namer::try_from_rest() {
-  const Fit& rest = rest_of(base_);
-  const auto stage = limits(2, "starting again from what was given", 0.95);
-  std::vector<Trial> rested;
+// The parameters may have made up for what is missing in a way that leads away from it, and the screen,
+// which is linear, not see it: every effect at plausible strengths, and everything refitted. From the
+// parameters as given or, where `first` comes near, as a second one beside it.
+void Namer::try_every_effect(const Trial* first) {
+  const std::vector<const Effect*> before = first != nullptr ? first->effects : std::vector<const Effect*>{};
+  const Fit& from = first != nullptr ? first->fit : rest_of(base_);
+  const auto stage = limits(
+      2, first != nullptr ? "every effect beside the best" : "starting again from what was given", 0.95);
+  std::vector<Trial> tried;
   const auto start = [&](const Effect& e, const Starts& starts) {
-    if (!from_rest_.insert(&e).second) return;
+    if (before.empty() && !from_rest_.insert(&e).second) return;
     Trial t;
-    t.effects = {&e};
-    t.fit = from_rest(rest, e, starts, stage.tick);
-    rested.push_back(std::move(t));
+    t.effects = before;
+    t.effects.push_back(&e);
+    t.fit = best_start(from, e, starts, stage.tick);
+    tried.push_back(std::move(t));
   };
-  for (std::size_t i = 0, tried = 0; i < out_.trials.size() && tried < most_best; ++i) {
-    const auto& t = out_.trials[i];
-    if (t.effects.size() > 1) continue;
-    start(*t.effects[0], starts_around(misfit_, *t.effects[0], values_in(t, 0)));
-    ++tried;
-  }
-  for (const auto* e : options_.candidates) start(*e, starts_of(misfit_, *e));
+  if (before.empty())
+    for (std::size_t i = 0; i < std::min(out_.trials.size(), most_best); ++i) {
+      const auto& t = out_.trials[i];
+      start(*t.effects[0], starts_around(misfit_, *t.effects[0], values_in(t, 0)));
+    }
+  for (const auto* e : without(options_.candidates, before)) start(*e, starts_of(misfit_, *e));
   const auto sort = [&] {
-    for (auto& t : rested) t.drop = base_.squares - t.fit.squares;
-    best_first(rested);
+    for (auto& t : tried) t.drop = base_.squares - t.fit.squares;
+    best_first(tried);
   };
   sort();
-  if (rested.size() > most_rested) rested.resize(most_rested);
-  for (auto& t : rested) t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, stage, &t.fit);
+  if (tried.size() > most_tried) tried.resize(most_tried);
+  for (auto& t : tried) t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, stage, &t.fit);
   sort();
-  const auto worse = [&](const Trial& t) { return score(t, samples_) < score(rested.front(), samples_); };
-  if (rested.empty() || !std::ranges::all_of(out_.trials, worse)) return;
-  std::erase_if(out_.trials, [&](const Trial& t) { return t.effects == rested.front().effects; });
-  out_.trials.push_back(std::move(rested.front()));
-  check(out_.trials.back(), false, 0.97, 0.99);
-  best_first(out_.trials);
+  auto& others = before.empty() ? out_.trials : pairs_;
+  const auto worse = [&](const Trial& t) { return score(t, samples_) < score(tried.front(), samples_); };
+  if (tried.empty() || !std::ranges::all_of(others, worse)) return;
+  std::erase_if(others, [&](const Trial& t) { return t.effects == tried.front().effects; });
+  others.push_back(std::move(tried.front()));
+  check(others.back(), false, 0.97, 0.99);
+  best_first(others);
 }
 
 void Namer::add_pairs(const Trial& first, const std::vector<Screened>& seconds, double from, double to) {
@@ -420,8 +424,9 @@ Naming Namer::find() {
     add_pairs(out_.trials[i], seconds[i], at, at + 0.1);
   }
   const bool found = try_halves(check_pairs(0.8, 0.88));
+  best_first(out_.trials);
   if (!found && !std::ranges::all_of(out_.trials, [&](const Trial& t) { return far_off(t, hopeless); }))
-    try_from_rest();
+    try_every_effect(far_off(out_.trials.front(), within_reach) ? nullptr : &out_.trials.front());
   std::ranges::move(pairs_, std::back_inserter(out_.trials));
   best_first(out_.trials);
   return std::move(out_);
