@@ -104,7 +104,7 @@ struct UsbConfig {
   std::string fpga_image;
   std::int64_t output_channel = 0;
   Wiring wiring = Wiring::differential;
-  double update_rate = 2000;  // Hz
+  double update_rate = 40e3;  // Hz
   double queue_ahead = 0.1;   // s
   AmplifierConfig amplifier;
   SpecimenConfig specimen;
@@ -269,7 +269,10 @@ void describe(Visitor& visit, UsbConfig& c) {
       {.unit = "Hz",
        .min = 0,
        .max = 500e3,
-       .doc = "the output moves at least this often; a slower scan is taken as every n-th of a faster one"});
+       .doc =
+           "the output moves at least this often; a slower scan is taken as every n-th of a faster one. A "
+           "row "
+           "is taken before the amplifier has followed its last step: creep after a ramp begins that late"});
   visit("queue_ahead", c.queue_ahead,
         {.unit = "s", .min = 0.02, .max = 0.5, .doc = "output queued in advance: how long a stop may wait"});
   visit("amplifier", c.amplifier, {.required = true});

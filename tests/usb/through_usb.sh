@@ -20,7 +20,7 @@ cat > "$folder/loops.json" <<JSON
 JSON
 "$emulator" --config "$folder/unit.json" --device-config > "$folder/device.json"
 "$emulator" --config "$folder/unit.json" -- "$ferrobench" run "$folder/loops.json" --device usb \
-  --device-config "$folder/device.json" --set device.queue_ahead=0.5 \
+  --device-config "$folder/device.json" --set device.queue_ahead=0.5 --set device.update_rate=2000 \
   --out "$folder/usb.h5" --quiet
 "$ferrobench" run "$folder/loops.json" --model mcl-op30 --fast --out "$folder/virtual.h5" --quiet
 for name in usb virtual; do

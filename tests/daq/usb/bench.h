@@ -11,7 +11,8 @@ namespace ferrobench::daq::usb {
 // 20 V/V on layers of 100 um: 1 V of the unit is 2e5 V/m, +-10 V is +-2e6 V/m. The monitor shows the unit's
 // own voltage. Inputs in a tick: field, charge, displacement, marker.
 inline nlohmann::json bench_json() {
-  return {{"amplifier",
+  return {{"update_rate", 2000},
+          {"amplifier",
            {{"gain", 20},
             {"voltage_min", -200},
             {"voltage_max", 200},
