@@ -9,7 +9,7 @@ namespace ferrobench::model {
 namespace {
 
 constexpr double largest_growth = 1e260;  // of an outflow, in a sleeper's bounds
-constexpr double share_of_hold = 0.2;     // by which steps grow
+constexpr double share_of_rest = 0.2;     // by which steps grow in a hold
 
 }  // namespace
 
@@ -60,7 +60,8 @@ void Ensemble::start(const Loads& at) {
   std::fill(columns_[minus].begin(), columns_[minus].end(), 0.0);
   at_ = at;
   polarization_then_ = constants_.polarization;
-  time_ = still_ = stress_path_ = 0;
+  time_ = stress_path_ = 0;
+  rests_.fill({at.field, 0});
   awake_ = size_;
   asleep_plus_ = asleep_minus_ = 0;
   evaluate_rates(constants_, domains(), size_, at_, now_.columns());
@@ -108,17 +109,17 @@ void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
   if (found > 0) evaluate_rates(constants_, domains(first), found, at_, now_.columns(first));
 }
 
-// The time over which what a sleeper misses is counted: the last step's or, in a hold of which many short
-// ones were asked for, that in which it goes on by a fifth.
-double Ensemble::horizon(double field_step) const {
-  return field_step == 0 ? std::max(proposed_h_, share_of_hold * still_) : proposed_h_;
+// The time over which what a sleeper misses is counted: the last step's or, where many short ones were asked
+// for, a fifth of the time in which the field has hardly moved, which is that of a step in a hold.
+double Ensemble::horizon() const {
+  return std::max(proposed_h_, share_of_rest * (time_ - rests_[0].since));
 }
 
 // A domain may sleep if its outflow could not move `negligible` within e^1.5 horizons, nor will in the next.
 // Half of the margin is granted to the field, the rest to stress and time.
 void Ensemble::put_to_sleep(double field_step) {
   const auto s = sensitivity(at_, at_);
-  const double window = horizon(field_step), span = window / constants_.relaxation_time;
+  const double window = horizon(), span = window / constants_.relaxation_time;
   const double limit = negligible_ * std::exp(-1.5) / span;
   const double field_share = 0.5 / s.field, stress_share = 0.25 / s.stress;
   const double next_low = at_.field + 2 * std::min(0.0, field_step),
@@ -179,8 +180,10 @@ void Ensemble::accept() {
   const double field_step = proposed_at_.field - at_.field;
   stress_path_ += std::abs(proposed_at_.stress - at_.stress);
   time_ += proposed_h_;
-  still_ = field_step == 0 ? still_ + proposed_h_ : 0;
   at_ = proposed_at_;
+  // Hardly: ln(rate) changed by one or two.
+  if (std::abs(at_.field - rests_[1].field) * sensitivity(at_, at_).field > 1)
+    rests_ = {rests_[1], Rest{at_.field, time_}};
   means_ = proposed_;
   std::copy_n(then_plus_.begin(), awake_, columns_[plus].begin());
   std::copy_n(then_minus_.begin(), awake_, columns_[minus].begin());

@@ -44,7 +44,7 @@ class Ensemble final : public Kinetics {
   };
   Sensitivity sensitivity(const Loads& a, const Loads& b) const;
   void wake(const Loads& to, double stress_path_end, double time_end);
-  double horizon(double field_step) const;
+  double horizon() const;
   void put_to_sleep(double field_step);
 
   KineticConstants constants_;
@@ -62,7 +62,11 @@ class Ensemble final : public Kinetics {
   bool held_ = false;
   double polarization_then_ = 0;                                         // P_+ of the rates `now_`
   double largest_field_ = 0, largest_stress_ = 0, largest_barrier_ = 0;  // of the internal loads and barriers
-  double time_ = 0, still_ = 0, stress_path_ = 0, proposed_h_ = 0;  // still_: s since the field last moved
+  double time_ = 0, stress_path_ = 0, proposed_h_ = 0;
+  struct Rest {
+    double field = 0, since = 0;
+  };
+  std::array<Rest, 2> rests_;  // fields that the present one has stayed near, the newer one last
   Means means_, proposed_;
   std::uint64_t domain_steps_ = 0;
 };

@@ -227,6 +227,37 @@ TEST(Hold, MayBePlayedInManyShortPieces) {
   EXPECT_NEAR(creep_in_pieces_of(2.5e-4), whole, 3e-4 * whole);
 }
 
+// A unit puts out steps, forty thousand a second.
+TEST(Ramp, MayBePlayedInManyShortPieces) {
+  const auto model = library_model("soft-pzt");
+  const auto charge_in_pieces_of = [&](double piece, double tolerance) {
+    Simulator simulator(model, {.tolerance = tolerance, .domains = 200});
+    simulator.start(0);
+    std::vector<double> out;
+    double level = 0;
+    for (const auto& [to, rows] : {std::pair(1.5e6, 50), std::pair(-1.5e5, 60), std::pair(7.5e5, 30)}) {
+      const auto per_row = std::lround(0.01 / piece);
+      for (std::int64_t i = 1; i <= rows * per_row; ++i) {
+        const double end = simulator.time() + piece;
+        double q = 0;
+        ChannelSpans wanted;
+        wanted.charge = std::span(&q, 1);
+        simulator.play(piece,
+                       level + (to - level) * static_cast<double>(i) / static_cast<double>(rows * per_row),
+                       std::span(&end, 1), wanted);
+        if (i % per_row == 0) out.push_back(q);
+      }
+      level = to;
+    }
+    return out;
+  };
+  const auto fine = charge_in_pieces_of(0.01, 1e-6), cut = charge_in_pieces_of(25e-6, 1e-4);
+  const auto [low, high] = std::ranges::minmax(fine);
+  double squares = 0;
+  for (std::size_t i = 0; i < fine.size(); ++i) squares += (cut[i] - fine[i]) * (cut[i] - fine[i]);
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(fine.size())), 1e-4 * (high - low));
+}
+
 TEST(Cycle, TurnsItsWorkIntoHeatOfSwitching) {
   for (const double stiffness : {0.0, 2.7e6, 10e6}) {
     auto model = crystal();
