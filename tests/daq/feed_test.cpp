@@ -106,13 +106,13 @@ TEST(Limiter, HoldsWhateverIsAskedFor) {
   Limits limits;
   limits.slew = 1e6;
   Limiter limiter(limits, 10, 0);
-  EXPECT_EQ(limiter.pass({.samples = 5, .level = infinity}).level, 5e5);
+  EXPECT_EQ(limiter.pass(infinity, 5), 5e5);
   EXPECT_TRUE(limiter.altered());
-  EXPECT_EQ(limiter.pass({.samples = 5, .level = std::nan("")}).level, 5e5);
+  EXPECT_EQ(limiter.pass(std::nan(""), 5), 5e5);
   EXPECT_TRUE(limiter.altered());
-  EXPECT_EQ(limiter.pass({.samples = 1000, .level = 1e9}).level, 1.6e6);
-  EXPECT_EQ(limiter.pass({.samples = 1000, .level = -infinity}).level, -1.6e6);
-  EXPECT_EQ(limiter.pass({.samples = 10, .level = -1.5e6}).level, -1.5e6);
+  EXPECT_EQ(limiter.pass(1e9, 1000), 1.6e6);
+  EXPECT_EQ(limiter.pass(-infinity, 1000), -1.6e6);
+  EXPECT_EQ(limiter.pass(-1.5e6, 10), -1.5e6);
   EXPECT_FALSE(limiter.altered());
 }
 
