@@ -8,6 +8,16 @@ std::string_view block_status_name(BlockStatus status) {
   return names.at(static_cast<std::size_t>(status));
 }
 
+std::size_t LevelSource::next_levels(std::span<double> levels) {
+  std::size_t rows = 0;
+  for (; rows < levels.size(); ++rows) {
+    const auto piece = next(1);
+    if (piece.samples == 0) break;
+    levels[rows] = piece.level;
+  }
+  return rows;
+}
+
 void SampleBlock::drop_rows() {
   rows = 0;
   counts.clear();

@@ -1,7 +1,7 @@
 // The seam between the bench and what drives a specimen. Virtual bench, replay and hardware differ behind
 // this interface only.
 //
-// A device never sees a program, it pulls from a LevelSource, and the only LevelSource is the guard
+// A device never sees a program, it pulls from a LevelSource, and the only one it is given is the guard
 // (guard/guard.h). So no level reaches an output unguarded, and pause, stop and trip need nothing from a
 // driver. All calls come from one thread, the acquisition's; a driver may call LevelSource::next from a
 // thread of its own.
@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -70,6 +71,9 @@ class LevelSource {
   // The next piece, at most max_samples long; 0 samples: the program is over. May be called from any thread.
   // A pause or stop comes into force with the next piece, so a driver queues no more than about 0.1 s ahead.
   virtual LinearPiece next(std::uint64_t max_samples) = 0;
+  // The levels of the next rows, as next(1) gives them, and how many there are: fewer than asked for, the
+  // program is over.
+  virtual std::size_t next_levels(std::span<double> levels);
 };
 
 // V/m at the output.

@@ -33,7 +33,8 @@ LinearPiece Feed::next(std::uint64_t max_samples) {
   if (max_samples == 0 || over()) return {};
   const double from = limiter_.level();
   const bool leaving = stopping();
-  const LinearPiece piece = limiter_.pass(leaving ? stop_piece(max_samples) : program_piece(max_samples));
+  LinearPiece piece = leaving ? stop_piece(max_samples) : program_piece(max_samples);
+  piece.level = limiter_.pass(piece.level, piece.samples);
   const bool altered = limiter_.altered();
   account(piece, from);
   if (!leaving && altered) stop(End::limit, "the program went past a limit and was held back");

@@ -17,12 +17,12 @@ namespace ferrobench::daq {
 enum class End { none, complete, stopped, limit, interlock, fault };
 std::string_view end_name(End end);
 
-class Feed {
+class Feed final : public LevelSource {
  public:
   // The output stands at the program's first level, which is row 0.
   Feed(protocols::SampledWaveform program, const Limits& limits);
 
-  LinearPiece next(std::uint64_t max_samples);
+  LinearPiece next(std::uint64_t max_samples) override;
 
   void pause();  // throws Error(bad_state) if no hold is left
   void resume();

@@ -132,6 +132,12 @@ LinearPiece Guard::next(std::uint64_t max_samples) {
   return feed_->next(max_samples);
 }
 
+std::size_t Guard::next_levels(std::span<double> levels) {
+  const std::scoped_lock lock(mutex_);
+  if (!feed_ || outcome_.end != End::none) return 0;
+  return feed_->next_levels(levels);
+}
+
 bool Guard::read(SampleBlock& block) {
   block.clear();
   {

@@ -78,6 +78,7 @@ class Guard final : private LevelSource {
 
  private:
   LinearPiece next(std::uint64_t max_samples) override;
+  std::size_t next_levels(std::span<double> levels) override;
   bool interlock_closed() const;
   void demand_interlock() const;
   void demand_fresh();

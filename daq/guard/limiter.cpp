@@ -5,14 +5,12 @@
 
 namespace ferrobench::daq {
 
-LinearPiece Limiter::pass(LinearPiece wanted) {
-  const double asked = wanted.level;
-  const double step = limits_.slew * static_cast<double>(wanted.samples) / rate_;
-  const double level = std::isnan(asked) ? level_ : std::clamp(asked, limits_.field_min, limits_.field_max);
+double Limiter::pass(double wanted, std::uint64_t samples) {
+  const double step = limits_.slew * static_cast<double>(samples) / rate_;
+  const double level = std::isnan(wanted) ? level_ : std::clamp(wanted, limits_.field_min, limits_.field_max);
   level_ = std::clamp(level, level_ - step, level_ + step);
-  altered_ = !(std::abs(level_ - asked) <= 1e-9 * (limits_.field_max - limits_.field_min));
-  wanted.level = level_;
-  return wanted;
+  altered_ = !(std::abs(level_ - wanted) <= 1e-9 * (limits_.field_max - limits_.field_min));
+  return level_;
 }
 
 }  // namespace ferrobench::daq

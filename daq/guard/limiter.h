@@ -1,5 +1,5 @@
-// The last line before the output: whatever is asked for, no level passes the field limits and no piece is
-// steeper than the slew limit.
+// The last line before the output: whatever is asked for, no level passes the field limits and no way to it
+// is steeper than the slew limit.
 #pragma once
 
 #include "daq/device.h"
@@ -12,10 +12,11 @@ class Limiter {
   // `level` is the output now, within the limits; `rate` in rows/s.
   Limiter(const Limits& limits, double rate, double level) : limits_(limits), rate_(rate), level_(level) {}
 
-  // The piece as it may go out. A level that is not a number stays where the output is.
-  LinearPiece pass(LinearPiece wanted);
+  // The level as it may go out, `samples` rows after the one before. What is not a number stays where the
+  // output is.
+  double pass(double wanted, std::uint64_t samples);
   double level() const { return level_; }
-  // Whether the last piece had to be changed by more than rounding.
+  // Whether the last level had to be changed by more than rounding.
   bool altered() const { return altered_; }
 
  private:

@@ -111,13 +111,15 @@ void ReplayDevice::pull() {
   const double rows = fast ? chunk_rows : std::floor(tape_.rate() * config_.speed * chunk_time);
   const auto& command = tape_.command();
   const auto until = row_ + static_cast<std::uint64_t>(std::clamp(rows, 1.0, chunk_rows));
-  while (!dry_ && pulled_ < until) {
-    const auto piece = source_->next(1);
-    dry_ = piece.samples == 0;
-    if (dry_) break;
-    level_ = piece.level;
-    if (left_ == never && (pulled_ >= command.size() || piece.level != command[pulled_])) left_ = pulled_;
-    ++pulled_;
+  if (!dry_ && pulled_ < until) {
+    std::vector<double> levels(until - pulled_);
+    levels.resize(source_->next_levels(levels));
+    dry_ = pulled_ + levels.size() < until;
+    for (const double level : levels) {
+      if (left_ == never && (pulled_ >= command.size() || level != command[pulled_])) left_ = pulled_;
+      ++pulled_;
+    }
+    if (!levels.empty()) level_ = levels.back();
   }
   due_ = start_;
   if (!fast && pulled_ > row_)

@@ -15,18 +15,32 @@ class Analysis {
   Analysis(const Recording& r) : recording(r) {}  // NOLINT(google-explicit-constructor)
 
   const Recording& recording;
+  const Turns& turns() const {
+    if (!turns_) turns_ = turning_points(recording);
+    return *turns_;
+  }
   const std::vector<Cycle>& cycles() const {
-    if (!cycles_) cycles_ = find_cycles(recording);
+    if (!cycles_) cycles_ = find_cycles(recording, turns());
     return *cycles_;
   }
   const LoopMeter& meter() const {
-    if (!meter_) meter_.emplace(recording);
+    if (!meter_) meter_.emplace(recording, turns());
     return *meter_;
+  }
+  // Of cycles(), one by one.
+  const std::vector<LoopMeasures>& measures() const {
+    if (!measures_) {
+      measures_.emplace();
+      for (const auto& cycle : cycles()) measures_->push_back(meter().measure(cycle));
+    }
+    return *measures_;
   }
 
  private:
+  mutable std::optional<Turns> turns_;
   mutable std::optional<std::vector<Cycle>> cycles_;
   mutable std::optional<LoopMeter> meter_;
+  mutable std::optional<std::vector<LoopMeasures>> measures_;
 };
 
 }  // namespace ferrobench::recordings

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "recordings/reports/loops.h"
 #include "recordings/statistics.h"
 
 namespace ferrobench::recordings {
@@ -9,22 +10,6 @@ namespace {
 
 const std::vector<double>& program(const Recording& r) {
   return r.at(r.has(Channel::command) ? Channel::command : Channel::field);
-}
-
-struct Scale {
-  double span, noise;
-};
-
-Scale scale_of(const std::vector<double>& values) {
-  double low = 0, high = 0;
-  bool any = false;
-  for (const double v : values) {
-    if (std::isnan(v)) continue;
-    low = any ? std::min(low, v) : v;
-    high = any ? std::max(high, v) : v;
-    any = true;
-  }
-  return {high - low, estimate_noise(values)};
 }
 
 // Around an extreme: the samples that do not differ from it by more than noise.
@@ -76,14 +61,15 @@ std::vector<SegmentRow> segments_of(const Recording& recording) {
   return recording.segments.empty() ? infer_segments(recording) : recording.segments;
 }
 
-std::vector<Turn> turning_points(const Recording& recording) {
+Turns turning_points(const Recording& recording) {
   if (!recording.has(Channel::command) && !recording.has(Channel::field)) return {};
   const auto& values = program(recording);
-  const auto [span, noise] = scale_of(values);
-  if (!(span > 0)) return {};
+  const auto range = extremes(values);
+  if (!range || !(range->span() > 0)) return {};
+  const double span = range->span(), noise = estimate_noise(values);
   const double back = std::max(10 * noise, 1e-3 * span);
 
-  std::vector<std::size_t> extremes;
+  std::vector<std::size_t> corners;
   std::size_t low = values.size(), high = values.size(), first = values.size(), last = 0;
   int direction = 0;
   for (std::size_t i = 0; i < values.size(); ++i) {
@@ -93,49 +79,48 @@ std::vector<Turn> turning_points(const Recording& recording) {
     if (values[i] < values[low]) low = i;
     if (values[i] > values[high]) high = i;
     if (direction <= 0 && values[i] - values[low] > back) {
-      extremes.push_back(low);
+      corners.push_back(low);
       direction = 1;
       high = i;
     } else if (direction >= 0 && values[high] - values[i] > back) {
-      extremes.push_back(high);
+      corners.push_back(high);
       direction = -1;
       low = i;
     }
   }
-  if (extremes.empty()) return {};
-  if (extremes.front() != first && std::abs(values[first] - values[extremes.front()]) > back)
-    extremes.insert(extremes.begin(), first);
-  extremes.push_back(direction > 0 ? high : low);
-  std::vector<Turn> turns;
-  for (std::size_t k = 0; k < extremes.size(); ++k)
-    turns.push_back(plateau(values, extremes[k], k > 0 ? extremes[k - 1] : first,
-                            k + 1 < extremes.size() ? extremes[k + 1] : last,
-                            std::max(5 * noise, 1e-9 * span)));
+  if (corners.empty()) return {};
+  if (corners.front() != first && std::abs(values[first] - values[corners.front()]) > back)
+    corners.insert(corners.begin(), first);
+  corners.push_back(direction > 0 ? high : low);
+  Turns turns{.points = {}, .span = span, .noise = noise};
+  for (std::size_t k = 0; k < corners.size(); ++k)
+    turns.points.push_back(plateau(values, corners[k], k > 0 ? corners[k - 1] : first,
+                                   k + 1 < corners.size() ? corners[k + 1] : last,
+                                   std::max(5 * noise, 1e-9 * span)));
   return turns;
 }
 
-std::vector<Cycle> find_cycles(const Recording& recording) {
-  const auto turns = turning_points(recording);
-  if (turns.empty()) return {};
+std::vector<Cycle> find_cycles(const Recording& recording, const Turns& turns) {
+  const auto& points = turns.points;
+  if (points.empty()) return {};
   const auto segments = segments_of(recording);
-  const auto [span, noise] = scale_of(program(recording));
-  const double tolerance = std::max(5 * noise, 0.01 * span);
-  const double base = base_level(turns, tolerance);
+  const double tolerance = std::max(5 * turns.noise, 0.01 * turns.span);
+  const double base = base_level(points, tolerance);
   std::vector<Cycle> cycles;
-  std::size_t start = turns.size();
-  for (std::size_t k = 0; k < turns.size(); ++k) {
-    if (std::abs(turns[k].level - base) > tolerance) continue;
+  std::size_t start = points.size();
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (std::abs(points[k].level - base) > tolerance) continue;
     if (start < k) {
-      Cycle cycle{.first = turns[start].leave,
-                  .last = turns[k].arrive,
+      Cycle cycle{.first = points[start].leave,
+                  .last = points[k].arrive,
                   .low = base,
                   .high = base,
                   .rate = 0,
                   .turns = {}};
       for (std::size_t i = start + 1; i < k; ++i) {
-        cycle.low = std::min(cycle.low, turns[i].level);
-        cycle.high = std::max(cycle.high, turns[i].level);
-        cycle.turns.push_back(turns[i]);
+        cycle.low = std::min(cycle.low, points[i].level);
+        cycle.high = std::max(cycle.high, points[i].level);
+        cycle.turns.push_back(points[i]);
       }
       cycle.rate = ramp_rate(segments, cycle.first, cycle.last);
       if (!cycle.turns.empty()) cycles.push_back(std::move(cycle));

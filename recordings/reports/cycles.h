@@ -25,9 +25,13 @@ struct Cycle {
   std::vector<Turn> turns;          // between first and last
 };
 
-// Both ends of the program count as turning points. Empty if the program never changes.
-std::vector<Turn> turning_points(const Recording& recording);
-std::vector<Cycle> find_cycles(const Recording& recording);
+// Both ends of the program count as turning points. None if the program never changes.
+struct Turns {
+  std::vector<Turn> points;
+  double span = 0, noise = 0;  // V/m, of the program
+};
+Turns turning_points(const Recording& recording);
+std::vector<Cycle> find_cycles(const Recording& recording, const Turns& turns);
 // The recording's segment table, or the inferred one if it has none.
 std::vector<SegmentRow> segments_of(const Recording& recording);
 

@@ -29,7 +29,7 @@ struct Shown {
 std::vector<Shown> shown_channels(const Recording& r) {
   std::vector<Shown> out;
   if (r.has(Channel::charge))
-    out.push_back({"Charge per electrode area", "polarization [C/m^2]", polarization(r).values});
+    out.push_back({"Charge per electrode area", "polarization [C/m^2]", *polarization(r).own});
   if (r.has(Channel::displacement))
     out.push_back({"Displacement", "displacement [um]", scaled(r.at(Channel::displacement), metre_in_um)});
   if (r.has(Channel::force)) out.push_back({"Force", "force [N]", r.at(Channel::force)});

@@ -3,37 +3,59 @@
 #include <cmath>
 
 #include "recordings/reports/loops.h"
-#include "recordings/reports/signals.h"
 
 namespace ferrobench::recordings {
 namespace {
 
-std::span<const double> part(const std::vector<double>& values, std::size_t first, std::size_t last) {
-  return values.empty() ? std::span<const double>{} : std::span(values).subspan(first, last - first + 1);
+std::span<const double> part(const Signal& signal, std::size_t first, std::size_t last) {
+  return signal.values.empty() ? signal.values : signal.values.subspan(first, last - first + 1);
+}
+
+bool any_known(std::span<const double> values) {
+  return std::ranges::any_of(values, [](double v) { return !std::isnan(v); });
+}
+
+std::optional<double> span_of(std::span<const double> values) {
+  const auto range = extremes(values);
+  return range ? std::optional(range->span()) : std::nullopt;
 }
 
 }  // namespace
 
-LoopMeter::LoopMeter(const Recording& recording) : field_(field_of(recording)) {
-  const auto turns = turning_points(recording);
-  const auto take = [&](const Signal& measured) {
+LoopMeter::LoopMeter(const Recording& recording, const Turns& turns) {
+  const auto take = [&](Signal measured) {
     smoothed_any_ = smoothed_any_ || !measured.exact;
-    return smoothed(recording, measured, turns);
+    return smoothed(std::move(measured), turns.points);
   };
-  smooth_field_ = take(signal(recording, recording.has(Channel::field) ? Channel::field : Channel::command));
+  field_ = take(signal(recording, recording.has(Channel::field) ? Channel::field : Channel::command));
   if (recording.has(Channel::displacement)) displacement_ = take(signal(recording, Channel::displacement));
   if (recording.has(Channel::force)) force_ = take(signal(recording, Channel::force));
   if (!recording.has(Channel::charge)) return;
   polarization_ = take(polarization(recording));
   centred_ = recording.header.charge_reference != ChargeReference::absolute;
-  if (const auto range = extremes(polarization_); centred_ && range)
-    for (auto& p : polarization_) p -= 0.5 * (range->low + range->high);
+  if (!centred_) return;
+  if (const auto range = extremes(polarization_.values))
+    for (auto& p : *polarization_.own) p -= 0.5 * (range->low + range->high);
+}
+
+std::optional<double> LoopMeter::stroke(std::size_t first, std::size_t last) const {
+  return span_of(part(displacement_, first, last));
+}
+
+std::optional<double> LoopMeter::force_span(std::size_t first, std::size_t last) const {
+  return span_of(part(force_, first, last));
+}
+
+std::optional<double> LoopMeter::displacement_area(std::size_t first, std::size_t last) const {
+  return any_known(part(displacement_, first, last))
+             ? std::optional(enclosed_area(part(field_, first, last), part(displacement_, first, last)))
+             : std::nullopt;
 }
 
 LoopMeasures LoopMeter::measure(const Cycle& cycle) const {
   LoopMeasures out;
-  const auto field = part(smooth_field_, cycle.first, cycle.last);
-  if (const auto force = extremes(part(force_, cycle.first, cycle.last))) out.force_span = force->span();
+  const auto field = part(field_, cycle.first, cycle.last);
+  out.force_span = force_span(cycle.first, cycle.last);
   const auto displacement = part(displacement_, cycle.first, cycle.last);
   if (const auto range = extremes(displacement)) {
     out.displacement_low = range->low;
@@ -44,7 +66,7 @@ LoopMeasures LoopMeter::measure(const Cycle& cycle) const {
     if (half.size() >= 2) out.width = std::abs(half.back() - half.front());
   }
   const auto p = part(polarization_, cycle.first, cycle.last);
-  if (!extremes(p)) return out;
+  if (!any_known(p)) return out;
   out.energy = loop_integral(field, p);
   for (std::size_t i = 1; i < p.size(); ++i) {
     const auto place = [&](std::span<const double> x, std::span<const double> y) {

@@ -6,6 +6,7 @@
 
 #include "recordings/recording.h"
 #include "recordings/reports/cycles.h"
+#include "recordings/reports/signals.h"
 
 namespace ferrobench::recordings {
 
@@ -24,17 +25,21 @@ struct LoopMeasures {
   std::optional<double> remanent_falling, remanent_rising;  // C/m^2, P where E passes zero
 };
 
-// Polarization counts from the middle of its range over the recording unless the charge is absolute.
+// The recording outlives this. Polarization counts from the middle of its range over the recording unless the
+// charge is absolute.
 class LoopMeter {
  public:
-  explicit LoopMeter(const Recording& recording);
+  LoopMeter(const Recording& recording, const Turns& turns);
   LoopMeasures measure(const Cycle& cycle) const;
+  // One by one, of the samples first..last.
+  std::optional<double> stroke(std::size_t first, std::size_t last) const;
+  std::optional<double> force_span(std::size_t first, std::size_t last) const;
+  std::optional<double> displacement_area(std::size_t first, std::size_t last) const;
   bool smoothed_any() const { return smoothed_any_; }
   bool centred() const { return centred_; }
 
  private:
-  const std::vector<double>& field_;
-  std::vector<double> smooth_field_, displacement_, force_, polarization_;  // empty if not measured
+  Signal field_, displacement_, force_, polarization_;  // smoothed; empty if not measured
   bool smoothed_any_ = false;
   bool centred_ = false;
 };

@@ -24,25 +24,55 @@ double loop_integral(std::span<const double> x, std::span<const double> y) {
 
 namespace {
 
-// A branch as a function of x: where x does not get on, the last y counts.
-struct Branch {
-  std::vector<double> x, y;
-  void add(double px, double py) {
-    if (std::isnan(px) || std::isnan(py)) return;
-    if (!x.empty() && px <= x.back()) {
-      y.back() = py;
-    } else {
-      x.push_back(px);
-      y.push_back(py);
+// A branch as a function of x, walked through from its low end: where x does not get on, the last y counts.
+class Branch {
+ public:
+  Branch(std::span<const double> x, std::span<const double> y, bool backwards, double sign)
+      : x_(x), y_(y), backwards_(backwards), sign_(sign) {
+    for (std::size_t i = 0; i < x_.size(); ++i)
+      if (const auto p = sample(i); known(p)) end_ = std::max(end_, p.x);
+    before_ = after_ = next();
+    start_ = before_.x;
+  }
+  double start() const { return start_; }
+  double end() const { return end_; }
+  // x from start to end, rising from call to call.
+  double at(double x) {
+    while (after_.x <= x && after_.x < end_) {
+      before_ = after_;
+      after_ = next();
     }
+    if (after_.x <= x) return after_.y;
+    return before_.y + (after_.y - before_.y) * (x - before_.x) / (after_.x - before_.x);
   }
-  double at(double px) const {
-    const auto above = std::ranges::upper_bound(x, px);
-    if (above == x.begin()) return y.front();
-    if (above == x.end()) return y.back();
-    const auto i = static_cast<std::size_t>(above - x.begin());
-    return y[i - 1] + (y[i] - y[i - 1]) * (px - x[i - 1]) / (x[i] - x[i - 1]);
+
+ private:
+  struct Point {
+    double x = NAN, y = NAN;
+  };
+  static bool known(const Point& p) { return !std::isnan(p.x) && !std::isnan(p.y); }
+  Point sample(std::size_t i) const {
+    const auto at = backwards_ ? x_.size() - 1 - i : i;
+    return {sign_ * x_[at], y_[at]};
   }
+  // The next place further on in x.
+  Point next() {
+    Point out;
+    for (; taken_ < x_.size(); ++taken_) {
+      const auto p = sample(taken_);
+      if (!known(p)) continue;
+      if (p.x > out.x) break;
+      out = {std::isnan(out.x) ? p.x : out.x, p.y};
+    }
+    return out;
+  }
+
+  std::span<const double> x_, y_;
+  bool backwards_;
+  double sign_;
+  std::size_t taken_ = 0;
+  Point before_, after_;
+  double start_ = NAN, end_ = -INFINITY;
 };
 
 }  // namespace
@@ -60,12 +90,11 @@ double enclosed_area(std::span<const double> x, std::span<const double> y) {
   const double span = x.empty() ? 0 : std::abs(x[far] - x[0]);
   if (!(travelled <= 2.1 * span)) return std::abs(loop_integral(x, y));
   const double sign = x[far] > x[0] ? 1 : -1;
-  Branch out, back;
-  for (std::size_t i = 0; i <= far; ++i) out.add(sign * x[i], y[i]);
-  for (std::size_t i = x.size(); i-- > far;) back.add(sign * x[i], y[i]);
-  if (out.x.size() < 2 || back.x.size() < 2) return 0;
+  Branch out(x.first(far + 1), y.first(far + 1), false, sign);
+  Branch back(x.subspan(far), y.subspan(far), true, sign);
+  const double low = std::max(out.start(), back.start()), high = std::min(out.end(), back.end());
+  if (!(low < high)) return 0;
   constexpr int steps = 4000;
-  const double low = std::max(out.x.front(), back.x.front()), high = std::min(out.x.back(), back.x.back());
   double area = 0;
   for (int i = 0; i < steps; ++i) {
     const double at = low + (high - low) * (i + 0.5) / steps;
@@ -75,14 +104,12 @@ double enclosed_area(std::span<const double> x, std::span<const double> y) {
 }
 
 std::optional<Extremes> extremes(std::span<const double> values) {
-  std::optional<Extremes> out;
+  double low = INFINITY, high = -INFINITY;
   for (const double v : values) {
-    if (std::isnan(v)) continue;
-    if (!out) out = Extremes{v, v};
-    out->low = std::min(out->low, v);
-    out->high = std::max(out->high, v);
+    low = std::min(low, v);  // NaN is not less
+    high = std::max(high, v);
   }
-  return out;
+  return low <= high ? std::optional(Extremes{low, high}) : std::nullopt;
 }
 
 std::vector<double> crossings(std::span<const double> x, std::span<const double> y, double level) {

@@ -2,22 +2,17 @@
 
 #include <cmath>
 
+#include "recordings/reports/loops.h"
+#include "recordings/reports/parabolas.h"
 #include "recordings/statistics.h"
 
 namespace ferrobench::recordings {
 namespace {
 
-Signal judged(std::vector<double> values, std::optional<double> noise) {
-  Signal out{.values = std::move(values), .noise = 0, .exact = true};
-  double low = INFINITY, high = -INFINITY;
-  for (const double v : out.values) {
-    if (std::isnan(v)) continue;
-    low = std::min(low, v);
-    high = std::max(high, v);
-  }
-  out.noise = noise.value_or(estimate_noise(out.values));
-  out.exact = !(out.noise > 1e-6 * (high - low));
-  return out;
+void judge(Signal& signal, std::optional<double> noise) {
+  signal.noise = noise ? *noise : estimate_noise(signal.values);
+  const auto range = extremes(signal.values);
+  signal.exact = range && !(signal.noise > 1e-6 * range->span());
 }
 
 // The parabola of least squares through y[first..last] at sample `at`; samples count as equally spaced.
@@ -39,41 +34,19 @@ double parabola_at(std::span<const double> y, std::size_t first, std::size_t las
          determinant;
 }
 
-// The same parabola where the samples around all count: then its value is their sum with weights that are the
-// same everywhere, w(x) = (s4 - s2 x^2) / (s0 s4 - s2^2) with sn = sum of x^n over x = -half..half. Stretch
-// by stretch, so that what is worked on stays near.
-void parabolas_at(const std::vector<double>& y, std::size_t from, std::size_t to, std::size_t half,
-                  std::vector<double>& out) {
-  double s0 = 1, s2 = 0, s4 = 0;
-  for (std::size_t k = 1; k <= half; ++k) {
-    const auto x2 = static_cast<double>(k * k);
-    s0 += 2, s2 += 2 * x2, s4 += 2 * x2 * x2;
-  }
-  constexpr std::size_t stretch = 1024;
-  std::array<double, stretch> sum{};
-  for (std::size_t first = from; first < to; first += stretch) {
-    const std::size_t count = std::min(stretch, to - first);
-    const double* at = y.data() + first;
-    for (std::size_t i = 0; i < count; ++i) sum[i] = s4 * at[i];
-    for (std::size_t k = 1; k <= half; ++k) {
-      const double weight = s4 - s2 * static_cast<double>(k * k);
-      const double *before = at - k, *after = at + k;
-      for (std::size_t i = 0; i < count; ++i) sum[i] += weight * (before[i] + after[i]);
-    }
-    for (std::size_t i = 0; i < count; ++i) out[first + i] = sum[i] / (s0 * s4 - s2 * s2);
-  }
-}
-
-void smooth_leg(const std::vector<double>& y, std::size_t first, std::size_t last, std::vector<double>& out) {
+void smooth_leg(std::span<const double> y, std::size_t first, std::size_t last, std::span<double> out) {
   const std::size_t half = std::min<std::size_t>((last - first) / 40, 50);
-  if (half < 2) return;
+  if (half < 2) {  // the corner before stays as the leg before left it
+    std::ranges::copy(y.subspan(first + 1, last - first), out.subspan(first + 1).begin());
+    return;
+  }
   // Near the ends of the leg, and around gaps, fewer samples count.
   const auto by_itself = [&](std::size_t i) {
     out[i] = parabola_at(y, i > first + half ? i - half : first, std::min(last, i + half), i);
   };
   const std::size_t from = first + half, to = last - half + 1;
   for (std::size_t i = first; i < from; ++i) by_itself(i);
-  parabolas_at(y, from, to, half, out);
+  parabolas(y.data() + from, half, out.subspan(from, to - from));
   for (std::size_t i = from; i < to; ++i)
     if (std::isnan(out[i])) by_itself(i);
   for (std::size_t i = to; i <= last; ++i) by_itself(i);
@@ -82,35 +55,43 @@ void smooth_leg(const std::vector<double>& y, std::size_t first, std::size_t las
 }  // namespace
 
 Signal signal(const Recording& recording, Channel channel) {
-  return judged(recording.at(channel), recording.noise.at(static_cast<std::size_t>(channel)));
+  Signal out{.values = recording.at(channel)};
+  judge(out, recording.noise.at(static_cast<std::size_t>(channel)));
+  return out;
 }
 
 Signal polarization(const Recording& recording) {
   const auto& specimen = recording.header.specimen;
   const double total_area = specimen.area * static_cast<double>(specimen.layer_count);
-  auto values = recording.at(Channel::charge);
-  for (auto& value : values) value /= total_area;
+  const auto& charge = recording.at(Channel::charge);
+  auto values = std::make_shared<std::vector<double>>(charge.size());
+  std::ranges::transform(charge, values->begin(), [&](double q) { return q / total_area; });
+  Signal out{.values = *values, .own = values};
   auto noise = recording.noise.at(static_cast<std::size_t>(Channel::charge));
   if (noise) noise = *noise / total_area;
-  return judged(std::move(values), noise);
+  judge(out, noise);
+  return out;
 }
 
 const std::vector<double>& field_of(const Recording& recording) {
   return recording.at(recording.has(Channel::field) ? Channel::field : Channel::command);
 }
 
-std::vector<double> smoothed(const Recording& recording, const Signal& signal,
-                             const std::vector<Turn>& turns) {
-  auto out = signal.values;
-  if (signal.exact || recording.size() < 2) return out;
-  std::vector<std::size_t> corners{0, recording.size() - 1};
+Signal smoothed(Signal signal, const std::vector<Turn>& turns) {
+  if (signal.exact || signal.values.size() < 2) return signal;
+  auto out = std::make_shared<std::vector<double>>(signal.values.size());
+  out->front() = signal.values.front();
+  std::vector<std::size_t> corners{0, out->size() - 1};
   for (const auto& turn : turns) {
     corners.push_back(turn.arrive);
     corners.push_back(turn.leave);
   }
   std::ranges::sort(corners);
-  for (std::size_t i = 1; i < corners.size(); ++i) smooth_leg(signal.values, corners[i - 1], corners[i], out);
-  return out;
+  for (std::size_t i = 1; i < corners.size(); ++i)
+    smooth_leg(signal.values, corners[i - 1], corners[i], *out);
+  signal.values = *out;
+  signal.own = std::move(out);
+  return signal;
 }
 
 double edge_value(const Recording& recording, const Signal& signal, std::size_t first, std::size_t count,
@@ -122,7 +103,7 @@ double edge_value(const Recording& recording, const Signal& signal, std::size_t 
     const std::size_t from = at_end ? first + count - part : first;
     if (part < 3) return signal.values[at];
     const double value =
-        fit_line(std::span(recording.time).subspan(from, part), std::span(signal.values).subspan(from, part))
+        fit_line(std::span(recording.time).subspan(from, part), signal.values.subspan(from, part))
             .at(recording.time[at]);
     return std::isfinite(value) ? value : signal.values[at];
   };

@@ -1,6 +1,7 @@
 // The channels as the reports measure them: polarization from charge, and values freed of noise.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -12,7 +13,8 @@ namespace ferrobench::recordings {
 // One channel, with the standard deviation of its noise: the recording's own figure, or an estimate from the
 // samples.
 struct Signal {
-  std::vector<double> values;
+  std::span<const double> values;                 // those of the recording, which outlives this,
+  std::shared_ptr<std::vector<double>> own = {};  // or these
   double noise = 0;
   // Noise so small that single samples can be trusted (below a millionth of the range).
   bool exact = true;
@@ -26,8 +28,7 @@ const std::vector<double>& field_of(const Recording& recording);
 
 // Local parabolas, least squares, over a twentieth of a leg (at most 101 samples) and never across a turning
 // point, so that a cusp stays one. An exact signal comes back as it is.
-std::vector<double> smoothed(const Recording& recording, const Signal& signal,
-                             const std::vector<Turn>& turns);
+Signal smoothed(Signal signal, const std::vector<Turn>& turns);
 
 // Value at sample `at`, one end of a stretch of `count` samples that begins at `first`: the sample itself if
 // the signal is exact, else a line through as many samples next to it as bring the noise to 1 % of the

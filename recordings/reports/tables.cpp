@@ -59,17 +59,21 @@ std::optional<Table> stroke_table(const Analysis& analysis) {
               .rows = {},
               .notes = {"Stroke: largest minus smallest displacement."}};
   const auto& meter = analysis.meter();
-  const auto add = [&](Cell name, const Cycle& cycle) {
-    const auto m = meter.measure(cycle);
-    const auto strain = m.stroke ? std::optional(*m.stroke / r.header.specimen.length * 100) : std::nullopt;
+  const auto add = [&](Cell name, const Cycle& cycle, std::optional<double> stroke,
+                       std::optional<double> force_span) {
+    const auto strain = stroke ? std::optional(*stroke / r.header.specimen.length * 100) : std::nullopt;
     table.rows.push_back({std::move(name), r.time[cycle.first], in_kv_per_mm(cycle.low),
                           in_kv_per_mm(cycle.high), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
-                          in_um(m.stroke), cell(strain), cell(m.force_span)});
+                          in_um(stroke), cell(strain), cell(force_span)});
   };
   const auto& cycles = analysis.cycles();
-  for (std::size_t i = 0; i < cycles.size(); ++i) add(std::to_string(i + 1), cycles[i]);
-  const auto range = extremes(field_of(r));
-  if (range) add("overall", {0, r.size() - 1, range->low, range->high, 0, {}});
+  const auto& measures = analysis.measures();
+  for (std::size_t i = 0; i < cycles.size(); ++i)
+    add(std::to_string(i + 1), cycles[i], measures[i].stroke, measures[i].force_span);
+  const auto last = r.size() - 1;
+  if (const auto range = extremes(field_of(r)))
+    add("overall", {0, last, range->low, range->high, 0, {}}, meter.stroke(0, last),
+        meter.force_span(0, last));
   note_smoothing(meter, table);
   return table;
 }
@@ -99,7 +103,7 @@ std::optional<Table> hysteresis_table(const Analysis& analysis) {
   const auto& meter = analysis.meter();
   for (std::size_t i = 0; i < cycles.size(); ++i) {
     const auto& cycle = cycles[i];
-    const auto m = meter.measure(cycle);
+    const auto& m = analysis.measures()[i];
     const auto share = m.width ? std::optional(*m.width / (cycle.high - cycle.low) * 100) : std::nullopt;
     table.rows.push_back({whole(i + 1), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
                           in(cubic_metre_in_um, m.displacement_area), in_kv_per_mm(m.width), cell(share),
@@ -170,9 +174,15 @@ std::optional<Table> creep_table(const Recording& r) {
 std::optional<Table> rate_table(const Analysis& analysis) {
   const auto& r = analysis.recording;
   if (!has_program(r) || !r.has(Channel::displacement)) return std::nullopt;
-  auto cycles = analysis.cycles();
-  std::erase_if(cycles, [](const Cycle& c) { return !(c.rate > 0); });
-  std::ranges::stable_sort(cycles, {}, &Cycle::rate);
+  struct Measured {
+    double rate;
+    LoopMeasures loop;
+  };
+  std::vector<Measured> cycles;
+  for (std::size_t i = 0; i < analysis.cycles().size(); ++i)
+    if (const double rate = analysis.cycles()[i].rate; rate > 0)
+      cycles.push_back({rate, analysis.measures()[i]});
+  std::ranges::stable_sort(cycles, {}, &Measured::rate);
   if (cycles.empty() || cycles.back().rate < 1.01 * cycles.front().rate) return std::nullopt;
   Table table{.key = "rates",
               .title = "Stroke and loop area against ramp rate",
@@ -184,12 +194,11 @@ std::optional<Table> rate_table(const Analysis& analysis) {
                           {"energy_J_per_m3", "mean energy", "J/m^3"}},
               .rows = {},
               .notes = {"Rates within 1 % of each other count as one."}};
-  const auto& meter = analysis.meter();
   for (std::size_t first = 0; first < cycles.size();) {
     std::size_t next = first;
     double stroke = 0, area = 0, energy = 0;
     for (; next < cycles.size() && cycles[next].rate < 1.01 * cycles[first].rate; ++next) {
-      const auto m = meter.measure(cycles[next]);
+      const auto& m = cycles[next].loop;
       stroke += m.stroke.value_or(NAN);
       area += m.displacement_area.value_or(NAN);
       energy += m.energy.value_or(NAN);
@@ -200,14 +209,14 @@ std::optional<Table> rate_table(const Analysis& analysis) {
                           in_um(stroke / count), in(cubic_metre_in_um, area / count), cell(energy / count)});
     first = next;
   }
-  note_smoothing(meter, table);
+  note_smoothing(analysis.meter(), table);
   return table;
 }
 
 std::optional<Table> minor_loop_table(const Analysis& analysis) {
   const auto& r = analysis.recording;
   if (!has_program(r) || !r.has(Channel::displacement)) return std::nullopt;
-  const auto turns = turning_points(r);
+  const auto& turns = analysis.turns().points;
   if (turns.size() < 4) return std::nullopt;
   Table table{.key = "minor_loops",
               .title = "Minor loops, reversal by reversal",
@@ -234,11 +243,9 @@ std::optional<Table> minor_loop_table(const Analysis& analysis) {
     std::size_t first = before.leave, last = after.arrive;
     while (first < here.arrive && outside(first)) ++first;
     while (last > here.leave && outside(last)) --last;
-    const auto m =
-        meter.measure({first, last, std::min(joint, here.level), std::max(joint, here.level), 0, {}});
     table.rows.push_back({whole(k), r.time[here.arrive], in_kv_per_mm(before.level), in_kv_per_mm(here.level),
-                          in_kv_per_mm(after.level), in_um(m.stroke),
-                          in(cubic_metre_in_um, m.displacement_area)});
+                          in_kv_per_mm(after.level), in_um(meter.stroke(first, last)),
+                          in(cubic_metre_in_um, meter.displacement_area(first, last))});
   }
   note_smoothing(meter, table);
   return table;

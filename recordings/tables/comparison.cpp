@@ -3,9 +3,9 @@
 #include <cmath>
 
 #include "protocols/common/units.h"
+#include "recordings/reports/analysis.h"
 #include "recordings/reports/creep.h"
 #include "recordings/reports/html_page.h"
-#include "recordings/reports/loop_measures.h"
 #include "recordings/reports/signals.h"
 
 namespace ferrobench::recordings {
@@ -38,11 +38,11 @@ std::optional<double> creep_of(const PublishedCell& cell, const Recording& r) {
 
 std::optional<double> stroke_of(const PublishedCell& cell, const Recording& r) {
   if (!r.has(Channel::displacement)) return std::nullopt;
-  const LoopMeter meter(r);
+  const Analysis analysis(r);
   std::optional<double> largest;
-  for (const auto& cycle : find_cycles(r)) {
+  for (const auto& cycle : analysis.cycles()) {
     if (!near(cycle.rate * r.header.specimen.layer_thickness, cell.key("rate_V_per_s"))) continue;
-    if (const auto stroke = meter.measure(cycle).stroke)
+    if (const auto stroke = analysis.meter().stroke(cycle.first, cycle.last))
       largest = std::max(largest.value_or(0), *stroke / metre_in_um);
   }
   return largest;

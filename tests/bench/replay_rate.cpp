@@ -2,13 +2,15 @@
 //
 //     ferrobench_replay_rate [ROWS] [FOLDER]
 //
-// A recording of ROWS rows (10^7) with field, charge, displacement and force as counts is written to FOLDER
-// (the temporary one). Times are processor times of this one thread, as other programs may be running. A
-// sample is one value of one column.
+// A recording of ROWS rows (10^6) with field, charge, displacement and force as counts is written to FOLDER
+// (the temporary one). A sample is one value of one column: ten a row, 10^7 in all. Times are processor times
+// of this one thread, as other programs may be running, the least of several rounds.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <random>
+#include <stdexcept>
 
 #include "daq/replay/play.h"
 #include "recordings/file.h"
@@ -65,48 +67,57 @@ Recording synthetic(std::size_t rows) {
   return r;
 }
 
-struct Stage {
-  const char* name;
-  double seconds;
+constexpr std::size_t columns = 10;  // time, command, four channels and their counts
+
+struct Times {  // s
+  double reading, open, play, report;
+  double replay() const { return open + play + report; }
 };
 
-int measure(std::size_t rows, const std::filesystem::path& folder) {
-  const auto path = (folder / "ferrobench_replay_rate.h5").string();
-  recordings::write_recording(path, synthetic(rows));
-  std::printf("%zu rows, %.0f MB in the file\n", rows,
-              static_cast<double>(std::filesystem::file_size(path)) * 1e-6);
-
-  double begin = bench::cpu_time();
-  std::size_t columns = 0;
-  {
-    const auto r = recordings::read_recording(path);
-    columns = 1 + r.raw->columns.size();
-    for (const auto channel : recordings::all_channels) columns += r.has(channel);
-  }
-  const double reading = bench::cpu_time() - begin;
-
+Times round(const std::string& path) {
   daq::ReplayConfig config{.file = path};
   config.clock = daq::Clock::fast;
-  begin = bench::cpu_time();
+  const double begin = bench::cpu_time();
+  recordings::read_recording(path);
+  const double read = bench::cpu_time();
   daq::ReplayDevice device(recordings::read_recording(path), config);
   const double opened = bench::cpu_time();
   const auto replay = daq::play(device, daq::Limits{});
   const double played = bench::cpu_time();
   const auto report = recordings::make_report(replay.recording);
   const double reported = bench::cpu_time();
-  std::filesystem::remove(path);
-  if (replay.outcome.end != daq::End::complete || replay.recording.size() != rows || report.tables.empty()) {
-    std::fprintf(stderr, "the replay is not whole: %s\n", replay.outcome.reason.c_str());
-    return 1;
+  if (replay.outcome.end != daq::End::complete || replay.recording.size() != device.tape()->size() ||
+      report.tables.empty())
+    throw std::runtime_error("the replay is not whole: " + replay.outcome.reason);
+  return {read - begin, opened - read, played - opened, reported - played};
+}
+
+void measure(std::size_t rows, const std::filesystem::path& folder) {
+  const auto path = (folder / "ferrobench_replay_rate.h5").string();
+  recordings::write_recording(path, synthetic(rows));
+  std::printf("%zu rows, %.0f MB in the file\n", rows,
+              static_cast<double>(std::filesystem::file_size(path)) * 1e-6);
+
+  constexpr int rounds = 5;
+  auto best = round(path);
+  for (int i = 1; i < rounds; ++i) {
+    const auto next = round(path);
+    const double reading = std::min(best.reading, next.reading);
+    if (next.replay() < best.replay()) best = next;
+    best.reading = reading;
   }
-  const auto samples = static_cast<double>(rows * columns);
-  for (const auto& [name, seconds] :
-       {Stage{"plain reading", reading}, Stage{"open for replay", opened - begin},
-        Stage{"play (guard, scaling)", played - opened}, Stage{"report", reported - played},
-        Stage{"open and play", played - begin}, Stage{"open, play, report", reported - begin}})
+  std::filesystem::remove(path);
+  const auto print = [&](const char* name, double seconds) {
     std::printf("%-24s %8.3f s  %8.2f Mrows/s  %8.1f Msamples/s  %5.2f of plain reading\n", name, seconds,
-                static_cast<double>(rows) / seconds * 1e-6, samples / seconds * 1e-6, seconds / reading);
-  return 0;
+                static_cast<double>(rows) / seconds * 1e-6,
+                static_cast<double>(rows * columns) / seconds * 1e-6, seconds / best.reading);
+  };
+  print("plain reading", best.reading);
+  print("open for replay", best.open);
+  print("play (guard, scaling)", best.play);
+  print("report", best.report);
+  print("open and play", best.open + best.play);
+  print("open, play, report", best.replay());
 }
 
 }  // namespace
@@ -114,9 +125,9 @@ int measure(std::size_t rows, const std::filesystem::path& folder) {
 
 int main(int argc, char** argv) {
   try {
-    return ferrobench::measure(
-        argc > 1 ? std::stoull(argv[1]) : 10'000'000,
-        argc > 2 ? std::filesystem::path(argv[2]) : std::filesystem::temp_directory_path());
+    ferrobench::measure(argc > 1 ? std::stoull(argv[1]) : 1'000'000,
+                        argc > 2 ? std::filesystem::path(argv[2]) : std::filesystem::temp_directory_path());
+    return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;

@@ -101,18 +101,42 @@ TEST(Feed, APauseAtReverseFieldEndsWhenTheSpecimenHasHadEnough) {
   EXPECT_NEAR(static_cast<double>(feed.issued()), 1 + 5 * 10, 5);
 }
 
+TEST(Feed, LevelsByTheBlockAreThoseOneByOne) {
+  Limits limits;
+  limits.stop_slew = 450;
+  const auto p = program({line(0, 1000, 1), sine(1000, 300, 0.7, 2), line(1000, 1000, 3)}, 50);
+  Feed by_one(p, limits), by_block(p, limits);
+  std::vector<double> levels;
+  for (std::size_t block = 1; levels.size() < 140; ++block) {
+    std::vector<double> some(block);
+    EXPECT_EQ(by_block.next_levels(some), block);
+    levels.insert(levels.end(), some.begin(), some.end());
+  }
+  for (const double level : levels) EXPECT_EQ(by_one.next(1).level, level);
+  by_one.stop(End::stopped, "enough");
+  by_block.stop(End::stopped, "enough");
+  std::vector<double> rest(1000);
+  rest.resize(by_block.next_levels(rest));
+  EXPECT_LT(rest.size(), 1000U);
+  for (const double level : rest) EXPECT_EQ(by_one.next(1).level, level);
+  EXPECT_TRUE(by_one.over());
+  EXPECT_EQ(rest.back(), 0);
+  EXPECT_EQ(by_block.next_levels(rest), 0U);
+  EXPECT_EQ(commands(by_block), commands(by_one));
+}
+
 TEST(Limiter, HoldsWhateverIsAskedFor) {
   const double infinity = std::numeric_limits<double>::infinity();
   Limits limits;
   limits.slew = 1e6;
   Limiter limiter(limits, 10, 0);
-  EXPECT_EQ(limiter.pass({.samples = 5, .level = infinity}).level, 5e5);
+  EXPECT_EQ(limiter.pass(infinity, 5), 5e5);
   EXPECT_TRUE(limiter.altered());
-  EXPECT_EQ(limiter.pass({.samples = 5, .level = std::nan("")}).level, 5e5);
+  EXPECT_EQ(limiter.pass(std::nan(""), 5), 5e5);
   EXPECT_TRUE(limiter.altered());
-  EXPECT_EQ(limiter.pass({.samples = 1000, .level = 1e9}).level, 1.6e6);
-  EXPECT_EQ(limiter.pass({.samples = 1000, .level = -infinity}).level, -1.6e6);
-  EXPECT_EQ(limiter.pass({.samples = 10, .level = -1.5e6}).level, -1.5e6);
+  EXPECT_EQ(limiter.pass(1e9, 1000), 1.6e6);
+  EXPECT_EQ(limiter.pass(-infinity, 1000), -1.6e6);
+  EXPECT_EQ(limiter.pass(-1.5e6, 10), -1.5e6);
   EXPECT_FALSE(limiter.altered());
 }
 

@@ -114,7 +114,7 @@ TEST(MinorLoops, EveryReversalIsListed) {
   EXPECT_NEAR(number(*table, 2, "turning_point_kV_per_mm"), 0.5, 1e-9);
   EXPECT_NEAR(number(*table, 2, "stroke_um"), 10, 1e-6);
   EXPECT_NEAR(number(*table, 4, "stroke_um"), 15, 1e-6);
-  EXPECT_EQ(find_cycles(r).size(), 3u);
+  EXPECT_EQ(Analysis(r).cycles().size(), 3u);
 }
 
 Recording creep_recording(const std::function<double(double)>& creep, double noise) {
