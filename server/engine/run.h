@@ -22,6 +22,13 @@ namespace ferrobench::server {
 
 class Sink;
 
+// What may follow what; whoever watches sees them in this order, without those that were over too soon.
+//   arming    to the first level               running, stopping, aborted
+//   running   until the file is whole          pausing, stopping, complete, aborted
+//   pausing   until the next hold              paused, running, stopping, aborted
+//   paused    in a hold                        running, stopping, aborted
+//   stopping  to zero, until the file is whole aborted
+// Before the first run the bench is idle. complete and aborted are for ever.
 enum class RunState { idle, arming, running, pausing, paused, stopping, complete, aborted };
 std::span<const std::pair<RunState, std::string_view>> enum_names(RunState);
 inline bool is_over(RunState s) {
@@ -100,8 +107,8 @@ class Run {
  private:
   struct Pipe;
   void acquire();
-  void make_safe();
   void write();
+  void tell();
 
   RunSetup setup_;
   Hub& hub_;
@@ -118,6 +125,7 @@ class Run {
   bool at_zero_ = false;
   bool recorded_ = true;
 
+  std::mutex telling_;  // what is told comes in the order in which it was so
   std::mutex joining_;
   std::thread writer_, acquisition_;
 };
