@@ -84,6 +84,7 @@ struct Run::Pipe {
   std::counting_semaphore<> filled{0}, returned{0};
   bool wait_for_writer;
   using Clock = std::chrono::steady_clock;
+  std::atomic<std::size_t> waiting = 0, most_waiting = 0;
   std::atomic<Clock::time_point> taken{Clock::time_point::max()};  // when the writer began its block
 
   explicit Pipe(bool wait) : wait_for_writer(wait) {
@@ -100,12 +101,14 @@ struct Run::Pipe {
   }
   void put_full(daq::SampleBlock* block) {
     full.push(block);
+    most_waiting = std::max(most_waiting.load(), ++waiting);
     filled.release();
   }
   daq::SampleBlock* take_full() {
     filled.acquire();
     daq::SampleBlock* block = nullptr;
     full.pop(block);
+    --waiting;
     taken = Clock::now();
     return block;
   }
@@ -240,6 +243,7 @@ RunStatus Run::status() const {
                 .rows = static_cast<std::int64_t>(guarded.rows_read),
                 .rows_on_disk = static_cast<std::int64_t>(sink_->rows_on_disk()),
                 .rows_expected = static_cast<std::int64_t>(guarded.rows_expected),
+                .queue_used = std::min(1.0, static_cast<double>(pipe_->most_waiting) / queue_blocks),
                 .sample_rate = program_.rate(),
                 .started = started_,
                 .output_at_zero = false};

@@ -45,6 +45,7 @@ struct RunStatus {
   std::optional<double> time_left{};  // s
   double duration = 0;                // s
   std::int64_t rows = 0, rows_on_disk = 0, rows_expected = 0;
+  double queue_used = 0;
   double sample_rate = 0;  // Hz
   std::string started{}, ended{};
   bool output_at_zero = true;
@@ -65,6 +66,8 @@ void describe(Visitor& visit, RunStatus& s) {
   visit("rows", s.rows, {.min = 0});
   visit("rows_on_disk", s.rows_on_disk, {.min = 0, .doc = "these survive a power cut"});
   visit("rows_expected", s.rows_expected, {.min = 0});
+  visit("queue_used", s.queue_used,
+        {.min = 0, .max = 1, .doc = "most so far, as a share, of the queue between device and disk"});
   visit("sample_rate_Hz", s.sample_rate, {.unit = "Hz"});
   visit("started", s.started, {.doc = "ISO 8601"});
   visit("ended", s.ended, {.doc = "ISO 8601, \"\" while it runs"});
