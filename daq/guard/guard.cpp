@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "daq/guard/check.h"
 
@@ -45,8 +46,14 @@ Guard::Guard(Device& device, const Limits& limits, Interlock interlock)
       trips_(limits_, device.columns()) {}
 
 Guard::~Guard() {
-  // The device of a run that ended well may serve another one by now.
-  if (!outcome_.output_at_zero) make_safe();
+  release();
+}
+
+void Guard::release() noexcept {
+  if (std::exchange(released_, true) || outcome_.output_at_zero) return;
+  const bool safe = make_safe();
+  const std::scoped_lock lock(mutex_);
+  outcome_.output_at_zero = safe;
 }
 
 bool Guard::interlock_closed() const {

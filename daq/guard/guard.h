@@ -7,9 +7,9 @@
 //     while (guard.read(block)) ...            // block.command and block.events are filled
 //     guard.outcome(); guard.segments();
 //
-// A guard serves one run. go_to, start and read belong to one thread. pause, resume, stop, progress and
-// outcome may be called from any. However this scope is left, the output is at zero
-// after. Once a run has ended there, its guard leaves the device alone, which may serve another one by then.
+// A guard serves one run. go_to, start, read and release belong to one thread. pause, resume, stop, progress
+// and outcome may be called from any. However this scope is left, the output is at zero after. A guard that
+// was released leaves the device alone, which may serve another one by then.
 #pragma once
 
 #include <functional>
@@ -62,6 +62,9 @@ class Guard final : private LevelSource {
   // False: the run is over, the output at zero (unless outcome() says otherwise). Never throws for a failing
   // device.
   bool read(SampleBlock& block);
+  // Brings the output to zero unless the run's end did, and is the last that the guard does with the device;
+  // the destructor does it where nobody did.
+  void release() noexcept;
 
   // Keeps the field where it is once the program is in a hold (now or later); samples keep coming and the
   // hold gets longer. Throws Error(bad_state) if no hold is left or nothing runs.
@@ -99,6 +102,7 @@ class Guard final : private LevelSource {
   std::optional<std::string> stop_wanted_;  // before there was a feed to tell
   std::uint64_t rows_read_ = 0;
   int silent_reads_ = 0;
+  bool released_ = false;
   BlockStatus last_status_ = BlockStatus::ok;
   std::string last_trouble_;  // of the last block
 };

@@ -12,7 +12,7 @@ namespace ferrobench::server {
 
 namespace {
 
-constexpr std::size_t most_runs = 1000;  // runs and idempotency keys remembered
+constexpr std::size_t most_runs = 1000;  // remembered, with their idempotency keys
 
 Error no_such(const std::string& what, const std::string& given, const nlohmann::json& allowed) {
   return {ErrorCode::not_found, "there is no such " + what,
@@ -62,21 +62,22 @@ double Engine::uptime() const {
 }
 
 RunStatus Engine::start(const RunRequest& request, const std::string& path) {
-  const auto asked = write_json(request);
+  Asked asked{.key = request.idempotency_key};
+  if (!asked.key.empty()) asked.request = write_json(request);
   const std::unique_lock lock(mutex_);
-  if (!request.idempotency_key.empty()) {
-    if (const auto found = idempotent_.find(request.idempotency_key); found != idempotent_.end()) {
-      const auto& [before, id] = found->second;
-      if (before != asked)
-        throw Error(ErrorCode::invalid_params, "this idempotency key belongs to another request",
-                    Problem{.path = "/idempotency_key",
-                            .message = "was used for a different run",
-                            .given = excerpt(request.idempotency_key),
-                            .hint = "choose a new key for a new run"});
-      if (run_ && run_->id() == id) return run_->status();
-      for (const auto& status : past_)
-        if (status.run == id) return status;
-    }
+  if (!asked.key.empty()) {
+    const auto repeats = [&asked](const Asked& before) {
+      if (before.key != asked.key) return false;
+      if (before.request == asked.request) return true;
+      throw Error(ErrorCode::invalid_params, "this idempotency key belongs to another request",
+                  Problem{.path = "/idempotency_key",
+                          .message = "was used for a different run",
+                          .given = excerpt(asked.key),
+                          .hint = "choose a new key for a new run"});
+    };
+    if (run_ && repeats(asked_)) return run_->status();
+    for (const auto& [status, before] : past_)
+      if (repeats(before)) return status;
   }
   if (stopped_) throw Error(ErrorCode::bad_state, "the bench shuts down");
   if (run_ && !run_->over())
@@ -85,15 +86,14 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
 
   auto setup = make_setup(request);
   setup.path = path.empty() ? store_.new_recording(setup.plan.name).string() : path;
-  // The run before lets go of its device first.
-  if (run_) past_.push_front(run_->status());
+  if (run_) {
+    run_->wait();  // its threads are done with the device, whoever still holds the run
+    past_.emplace_front(run_->status(), std::move(asked_));
+  }
   if (past_.size() > most_runs) past_.pop_back();
   run_.reset();
   run_ = std::make_shared<Run>(std::move(setup), hub_);
-  if (!request.idempotency_key.empty()) {
-    if (idempotent_.size() >= most_runs) idempotent_.erase(idempotent_.begin());
-    idempotent_[request.idempotency_key] = {asked, run_->id()};
-  }
+  asked_ = std::move(asked);
   return run_->status();
 }
 
@@ -128,16 +128,19 @@ RunSetup Engine::make_setup(const RunRequest& request) const {
 
 std::vector<RunStatus> Engine::runs() const {
   const std::scoped_lock lock(mutex_);
-  std::vector<RunStatus> out(past_.begin(), past_.end());
-  if (run_) out.insert(out.begin(), run_->status());
+  std::vector<RunStatus> out;
+  out.reserve(past_.size() + 1);
+  if (run_) out.push_back(run_->status());
+  for (const auto& [status, asked] : past_) out.push_back(status);
   return out;
 }
 
 RunStatus Engine::status(const std::string& id) const {
-  const auto all = runs();
-  if (id.empty()) return all.empty() ? RunStatus{} : all.front();
-  for (const auto& status : all)
-    if (status.run == id) return status;
+  const std::scoped_lock lock(mutex_);
+  if (run_ && (id.empty() || run_->id() == id)) return run_->status();
+  for (const auto& [status, asked] : past_)
+    if (id.empty() || status.run == id) return status;
+  if (id.empty()) return {};
   throw no_such("run", id, nullptr);
 }
 

@@ -70,8 +70,12 @@ class Engine {
   daq::Limits limits_;
   std::map<std::string, std::shared_ptr<daq::Device>> devices_;
   std::shared_ptr<Run> run_;
-  std::deque<RunStatus> past_;                                                // newest first
-  std::map<std::string, std::pair<nlohmann::json, std::string>> idempotent_;  // key -> request, run
+  struct Asked {
+    std::string key{};         // "": none
+    nlohmann::json request{};  // where there is a key
+  };
+  Asked asked_;                                   // for run_
+  std::deque<std::pair<RunStatus, Asked>> past_;  // newest first
   std::uint64_t last_device_ = 0;
   bool stopped_ = false;
   Jobs jobs_;  // last: its threads end first

@@ -84,6 +84,7 @@ struct Run::Pipe {
   std::counting_semaphore<> filled{0}, returned{0};
   bool wait_for_writer;
   using Clock = std::chrono::steady_clock;
+  std::atomic<std::size_t> waiting = 0, most_waiting = 0;
   std::atomic<Clock::time_point> taken{Clock::time_point::max()};  // when the writer began its block
 
   explicit Pipe(bool wait) : wait_for_writer(wait) {
@@ -100,12 +101,14 @@ struct Run::Pipe {
   }
   void put_full(daq::SampleBlock* block) {
     full.push(block);
+    most_waiting = std::max(most_waiting.load(), ++waiting);
     filled.release();
   }
   daq::SampleBlock* take_full() {
     filled.acquire();
     daq::SampleBlock* block = nullptr;
     full.pop(block);
+    --waiting;
     taken = Clock::now();
     return block;
   }
@@ -141,12 +144,13 @@ Run::Run(RunSetup setup, Hub& hub)
     sink_->add_event({0, "stretched",
                       "the sample rate is too low for the program's corners: one of them is " +
                           std::to_string(program_.distortion()) + " s late"});
+  tell();
   writer_ = std::thread([this] { write(); });
   acquisition_ = std::thread([this] { acquire(); });
 }
 
 Run::~Run() {
-  abort("the bench shuts down");
+  guard_->stop("the bench shuts down");
   wait();
 }
 
@@ -172,22 +176,13 @@ void Run::acquire() {
     }
   } catch (const std::exception& error) {
     failure = error.what();
-    make_safe();
   }
+  guard_->release();
   {
     const std::scoped_lock lock(mutex_);
     reason_ = failure;
   }
   pipe_->put_full(nullptr);
-}
-
-// For a run that failed between the way to its first level and its first row; the guard looks after all
-// others by itself. It goes to zero even where it refuses to go on.
-void Run::make_safe() {
-  try {
-    guard_->go_to(0, guard_->limits().stop_slew);
-  } catch (const std::exception&) {  // the outcome tells where the output is
-  }
 }
 
 void Run::write() {
@@ -198,17 +193,15 @@ void Run::write() {
     pipe_->put_free(block);
     if (!sink_->failure().empty()) guard_->stop(sink_->failure());
     const auto now = std::chrono::steady_clock::now();
-    const auto status = this->status();
-    if (status.state == state && now - shown < status_interval) continue;
-    state = status.state;
+    const auto now_in = status().state;
+    if (now_in == state && now - shown < status_interval) continue;
+    state = now_in;
     shown = now;
-    hub_.publish("run", write_json(status));
+    tell();
   }
   const auto outcome = guard_->outcome();
   std::string reason = reason_.empty() ? outcome.reason : reason_;
   daq::Tape::Closing closing{.status = {}, .reason = reason, .segments = guard_->segments()};
-  bool at_zero = outcome.output_at_zero;
-  if (outcome.end == daq::End::none) at_zero = setup_.device->output() == 0;
   const bool complete = outcome.end == daq::End::complete && reason.empty();
   closing.status = complete ? "complete" : "aborted";
   // A replay played whole is a complete run, of a recording that may be anything.
@@ -226,14 +219,20 @@ void Run::write() {
     state_ = complete && sink_->failure().empty() ? RunState::complete : RunState::aborted;
     reason_ = reason;
     ended_ = recordings::iso_now();
-    at_zero_ = at_zero;
+    at_zero_ = outcome.output_at_zero;
     recorded_ = recorded;
   }
+  tell();
+}
+
+void Run::tell() {
+  const std::scoped_lock lock(telling_);
   hub_.publish("run", write_json(status()));
 }
 
 RunStatus Run::status() const {
   using Guarded = daq::Progress::State;
+  const std::scoped_lock lock(mutex_);
   const auto guarded = guard_->progress();
   RunStatus out{.run = setup_.id,
                 .protocol = setup_.plan.name,
@@ -244,13 +243,13 @@ RunStatus Run::status() const {
                 .rows = static_cast<std::int64_t>(guarded.rows_read),
                 .rows_on_disk = static_cast<std::int64_t>(sink_->rows_on_disk()),
                 .rows_expected = static_cast<std::int64_t>(guarded.rows_expected),
+                .queue_used = std::min(1.0, static_cast<double>(pipe_->most_waiting) / queue_blocks),
                 .sample_rate = program_.rate(),
                 .started = started_,
                 .output_at_zero = false};
   if (guarded.state == Guarded::idle) out.rows_expected = static_cast<std::int64_t>(program_.size());
   out.duration = static_cast<double>(out.rows_expected) / out.sample_rate;
   out.progress = std::min(1.0, static_cast<double>(out.rows) / static_cast<double>(out.rows_expected));
-  const std::scoped_lock lock(mutex_);
   out.state = state_;
   out.reason = reason_;
   out.ended = ended_;
@@ -291,16 +290,17 @@ RunStatus Run::status() const {
 
 void Run::pause() {
   guard_->pause();
-  hub_.publish("run", write_json(status()));
+  tell();
 }
 
 void Run::resume() {
   guard_->resume();
-  hub_.publish("run", write_json(status()));
+  tell();
 }
 
 void Run::abort(const std::string& reason) {
   guard_->stop(reason);
+  tell();
 }
 
 }  // namespace ferrobench::server

@@ -22,6 +22,13 @@ namespace ferrobench::server {
 
 class Sink;
 
+// What may follow what; whoever watches sees them in this order, without those that were over too soon.
+//   arming    to the first level               running, stopping, aborted
+//   running   until the file is whole          pausing, stopping, complete, aborted
+//   pausing   until the next hold              paused, running, stopping, aborted
+//   paused    in a hold                        running, stopping, aborted
+//   stopping  to zero, until the file is whole aborted
+// Before the first run the bench is idle. complete and aborted are for ever.
 enum class RunState { idle, arming, running, pausing, paused, stopping, complete, aborted };
 std::span<const std::pair<RunState, std::string_view>> enum_names(RunState);
 inline bool is_over(RunState s) {
@@ -38,6 +45,7 @@ struct RunStatus {
   std::optional<double> time_left{};  // s
   double duration = 0;                // s
   std::int64_t rows = 0, rows_on_disk = 0, rows_expected = 0;
+  double queue_used = 0;
   double sample_rate = 0;  // Hz
   std::string started{}, ended{};
   bool output_at_zero = true;
@@ -58,6 +66,8 @@ void describe(Visitor& visit, RunStatus& s) {
   visit("rows", s.rows, {.min = 0});
   visit("rows_on_disk", s.rows_on_disk, {.min = 0, .doc = "these survive a power cut"});
   visit("rows_expected", s.rows_expected, {.min = 0});
+  visit("queue_used", s.queue_used,
+        {.min = 0, .max = 1, .doc = "most so far, as a share, of the queue between device and disk"});
   visit("sample_rate_Hz", s.sample_rate, {.unit = "Hz"});
   visit("started", s.started, {.doc = "ISO 8601"});
   visit("ended", s.ended, {.doc = "ISO 8601, \"\" while it runs"});
@@ -100,8 +110,8 @@ class Run {
  private:
   struct Pipe;
   void acquire();
-  void make_safe();
   void write();
+  void tell();
 
   RunSetup setup_;
   Hub& hub_;
@@ -118,6 +128,7 @@ class Run {
   bool at_zero_ = false;
   bool recorded_ = true;
 
+  std::mutex telling_;  // what is told comes in the order in which it was so
   std::mutex joining_;
   std::thread writer_, acquisition_;
 };

@@ -80,6 +80,21 @@ TEST(Guard, LeavesTheNextRunAlone) {
   EXPECT_EQ(device.output(), 2e5);
 }
 
+TEST(Guard, LeavesTheNextRunAloneAlsoWhereItNeverStarted) {
+  FaultyDevice device{Limits{}};
+  {
+    Guard before(device, {});
+    device.go_to(1e5, 1e6);
+    before.stop("on the way to its first level");
+    EXPECT_THROW(before.go_to(2e5, 1e6), Error);
+    before.release();
+    EXPECT_EQ(device.output(), 0);
+    EXPECT_TRUE(before.outcome().output_at_zero);
+    device.go_to(2e5, 1e6);  // as the next guard does
+  }
+  EXPECT_EQ(device.output(), 2e5);
+}
+
 TEST(Guard, AStopIsARampInTheRecording) {
   Session run;
   const auto outcome = run.go([&run](Guard& guard) {
