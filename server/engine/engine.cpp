@@ -92,6 +92,7 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   }
   if (past_.size() > most_runs) past_.pop_back();
   run_.reset();
+  lease_.forget_lost();
   run_ = std::make_shared<Run>(std::move(setup), hub_);
   asked_ = std::move(asked);
   return run_->status();
@@ -105,6 +106,7 @@ RunSetup Engine::make_setup(const RunRequest& request) const {
   setup.limits = limits_;
   setup.notes = request.notes;
   setup.rerun_of = request.rerun_of;
+  setup.stop_wanted = [this] { return lease_.lost(); };
   const auto name = replayed(request.device);
   if (const auto open = devices_.find(request.device); open != devices_.end()) {
     setup.device = open->second;

@@ -24,11 +24,12 @@ LeaseStatus Lease::tell(bool with_token) const {
   return {with_token ? token_ : "", holder_, left.count()};
 }
 
-LeaseStatus Lease::acquire(CallContext& caller, double seconds) {
+LeaseStatus Lease::acquire(CallContext& caller, double seconds, bool stop_run) {
   const std::scoped_lock lock(mutex_);
   if (held() && !equal_secret(caller.lease, token_)) throw refused(holder_, tell(false).expires_in);
   if (!held()) token_ = to_string(boost::uuids::random_generator()());
   holder_ = caller.client;
+  stop_run_ = stop_run;
   caller.lease = token_;
   end_ = Clock::now() + std::chrono::milliseconds(std::lround(seconds * 1e3));
   return tell(true);
@@ -61,6 +62,17 @@ void Lease::release(CallContext& caller, const std::string& lease) {
 LeaseStatus Lease::status() const {
   const std::scoped_lock lock(mutex_);
   return tell(false);
+}
+
+std::string Lease::lost() const {
+  const std::scoped_lock lock(mutex_);
+  if (!stop_run_ || token_.empty() || held()) return "";
+  return "lost its controller: the lease of " + holder_ + " ran out";
+}
+
+void Lease::forget_lost() {
+  const std::scoped_lock lock(mutex_);
+  if (!held()) token_.clear();
 }
 
 void Lease::demand(const Method&, const CallContext& caller) const {

@@ -1,5 +1,6 @@
 // One controller at a time. While nobody holds the lease, every client may control; while somebody does, only
-// they may. It runs out unless renewed, so a client that dies does not lock the bench.
+// they may. It runs out unless renewed, so a client that dies does not lock the bench; if its holder wants
+// so, the run under way is stopped then.
 #pragma once
 
 #include <chrono>
@@ -26,11 +27,17 @@ void describe(Visitor& visit, LeaseStatus& s) {
 class Lease {
  public:
   // The caller holds it from now on. Error(not_controller) if another one does.
-  LeaseStatus acquire(CallContext& caller, double seconds);
+  // `stop_run`: see lost().
+  LeaseStatus acquire(CallContext& caller, double seconds, bool stop_run = false);
   // `lease` "": the one the caller presented. A new connection may renew an old one's lease, and has it then.
   LeaseStatus renew(CallContext& caller, const std::string& lease, double seconds);
   void release(CallContext& caller, const std::string& lease);
   LeaseStatus status() const;  // without the lease itself
+  // Why a run must not go on: the lease ran out, neither renewed nor released, and was asked for with
+  // `stop_run`. Else "".
+  std::string lost() const;
+  // A lease that has run out was somebody's of a run before.
+  void forget_lost();
 
   // The gate of the dispatcher: Error(not_controller) unless the caller may control now.
   void demand(const Method& method, const CallContext& caller) const;
@@ -43,6 +50,7 @@ class Lease {
 
   mutable std::mutex mutex_;
   std::string token_, holder_;
+  bool stop_run_ = false;
   Clock::time_point end_;
 };
 

@@ -169,6 +169,8 @@ void Run::acquire() {
     for (;;) {
       auto* block = pipe_->take_free();
       if (block == nullptr || pipe_->writer_hangs()) guard_->stop("the disk does not keep up");
+      if (setup_.stop_wanted)
+        if (const auto reason = setup_.stop_wanted(); !reason.empty()) guard_->stop(reason);
       const bool more = guard_->read(block == nullptr ? spare : *block);
       // The writer sees the rows that a spare block took away as a gap.
       if (block != nullptr) pipe_->put_full(block);

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -85,6 +86,7 @@ struct RunSetup {
   std::string notes{};
   std::string rerun_of{};  // identifier of the recording that this run repeats
   bool real_time = true;
+  std::function<std::string()> stop_wanted{};  // asked with each block: why the run must end, or ""
 };
 
 class Run {

@@ -65,10 +65,13 @@ void describe(Visitor& visit, ReleaseParams& p) {
 
 struct AcquireParams {
   double seconds = 60;
+  bool stop_run = false;
 };
 template <class Visitor>
 void describe(Visitor& visit, AcquireParams& p) {
   visit("duration_s", p.seconds, {.unit = "s", .min = 1, .max = 3600, .doc = "how long without renewal"});
+  visit("stop_run", p.stop_run,
+        {.doc = "if the lease runs out, neither renewed nor released, the run under way is stopped safely"});
 }
 
 JobStatus as_job(const RunStatus& run) {
@@ -112,7 +115,7 @@ void add_leases(Dispatcher& rpc, Engine& engine) {
                                  "Ferrobench-Lease. Anybody may "
                                  "still run.abort."},
                          [&engine](const AcquireParams& p, CallContext& caller) {
-                           return engine.lease().acquire(caller, p.seconds);
+                           return engine.lease().acquire(caller, p.seconds, p.stop_run);
                          });
   rpc.add<LeaseParams>({.name = "lease.renew", .doc = "Keeps the lease for another while."},
                        [&engine](const LeaseParams& p, CallContext& caller) {

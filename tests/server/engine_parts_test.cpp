@@ -132,6 +132,27 @@ TEST_F(EngineTest, EverybodyMayStopARun) {
   EXPECT_EQ(std::ranges::count(r.events, status.reason, &recordings::Event::message), 1);
 }
 
+TEST_F(EngineTest, ALostControllersRunIsStopped) {
+  Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  CallContext holder{.client = "holder", .lease = "", .subscriber = nullptr};
+  const auto begin = [&](bool stop_run) {
+    rpc.call("lease.acquire", {{"duration_s", 1}, {"stop_run", stop_run}}, holder);
+    rpc.call("run.start", write_json(request(trapezium(0.2, 2), false)), holder);
+    await({RunState::running});
+  };
+  begin(true);
+  const auto lost = await({RunState::complete, RunState::aborted});
+  EXPECT_EQ(lost.state, RunState::aborted);
+  EXPECT_EQ(lost.reason, "lost its controller: the lease of holder ran out");
+  EXPECT_TRUE(lost.output_at_zero);
+  begin(true);
+  rpc.call("lease.release", nullptr, holder);
+  EXPECT_EQ(await({RunState::complete, RunState::aborted}).state, RunState::complete);
+  begin(false);
+  EXPECT_EQ(await({RunState::complete, RunState::aborted}).state, RunState::complete);
+}
+
 TEST_F(EngineTest, LimitsNotNamedStay) {
   Dispatcher rpc;
   add_all_methods(rpc, engine);
