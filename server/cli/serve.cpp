@@ -22,17 +22,6 @@ struct ServeOptions {
   std::string token_file{};
 };
 
-// A recording by its name, or what recording.export wrote beside it.
-std::optional<std::string> download(const server::Store& store, const std::string& name) {
-  try {
-    if (!name.ends_with(".csv")) return store.recording(name).string();  // no file yet while its run goes on
-    server::check_name(name, "/name");
-    return (store.recordings() / name).string();
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
-
 // What the runs of a program that died have left. One that cannot be made whole stays for 'ferrobench
 // recover'.
 void recover_all(const std::string& folder) {
@@ -62,7 +51,7 @@ int serve(const ServeOptions& o, const Common& common) {
   options.token = server::load_or_create_token(token_file);
   server::Content content{
       .asset = server::page_asset,
-      .recording = [&engine](const std::string& name) { return download(engine.store(), name); },
+      .recording = [&engine](const std::string& name) { return engine.store().download(name); },
       .disconnected = nullptr};
   server::Server door(rpc, hub, options, std::move(content));
 

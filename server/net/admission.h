@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -22,11 +23,11 @@ struct RequestHead {
   std::string method;
   std::string target;
   std::string host;
-  std::string origin;
+  std::optional<std::string> origin;  // only browsers send it
   std::string authorization;
   std::string cookie;
   std::string content_type;
-  bool upgrade = false;  // asks for a WebSocket
+  bool upgrade = false;  // asks for a WebSocket, in full
 };
 
 enum class Route { rpc_call, rpc_socket, recording, page, sign_in };

@@ -3,11 +3,13 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <mutex>
 #include <thread>
+#include <type_traits>
 #include <utility>
 
 #include "server/net/service.h"
@@ -64,8 +66,8 @@ class Listener {
       ++service_.connections;
       const auto limit = service_.options.max_connections;
       // Those to be told that the house is full are themselves few: the rest is closed without a word.
-      if (service_.sessions.size() < limit + 16)
-        start_(service_, std::move(socket), service_.sessions.size() >= limit);
+      const auto open = open_sessions();
+      if (open < limit + 16) start_(service_, std::move(socket), open >= limit);
       accept();
     });
   }
@@ -77,6 +79,12 @@ class Listener {
   }
 
  private:
+  std::size_t open_sessions() const {
+    constexpr bool local_ones = std::is_same_v<Protocol, local>;
+    return static_cast<std::size_t>(std::ranges::count_if(
+        service_.sessions, [](const Session* session) { return session->local() == local_ones; }));
+  }
+
   Service& service_;
   typename Protocol::acceptor acceptor_;
   asio::steady_timer pause_;

@@ -28,6 +28,7 @@ class Session {
   Session& operator=(const Session&) = delete;
   // Closes as soon as what is under way is answered.
   virtual void stop() = 0;
+  virtual bool local() const { return false; }  // came by the Unix socket
 
  protected:
   Service& service_;

@@ -38,6 +38,8 @@ class UnixSession final : public Conversation {
     socket_.write_some(asio::buffer(text), ignored);
   }
 
+  bool local() const override { return true; }
+
  private:
   std::shared_ptr<UnixSession> mine() { return std::static_pointer_cast<UnixSession>(shared_from_this()); }
 
