@@ -87,7 +87,10 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   setup.path = path.empty() ? store_.new_recording(setup.plan.name).string() : path;
   // The run before lets go of its device first.
   if (run_) past_.push_front(run_->status());
-  if (past_.size() > most_runs) past_.pop_back();
+  if (past_.size() > most_runs) {
+    forgotten_.add(past_.back());
+    past_.pop_back();
+  }
   run_.reset();
   run_ = std::make_shared<Run>(std::move(setup), hub_);
   if (!request.idempotency_key.empty()) {
@@ -124,6 +127,26 @@ RunSetup Engine::make_setup(const RunRequest& request) const {
   // A replay can wait for the disk, whatever its clock.
   setup.real_time = setup.device->tape() == nullptr && setup.device->info().value("clock", "real") != "fast";
   return setup;
+}
+
+void RunTotals::add(const RunStatus& run) {
+  complete += run.state == RunState::complete ? 1 : 0;
+  aborted += run.state == RunState::aborted ? 1 : 0;
+  rows += run.rows;
+  rows_on_disk += run.rows_on_disk;
+}
+
+RunTotals Engine::totals() const {
+  const std::scoped_lock lock(mutex_);
+  auto out = forgotten_;
+  for (const auto& run : past_) out.add(run);
+  if (run_) out.add(run_->status());
+  return out;
+}
+
+std::size_t Engine::queued_blocks() const {
+  const std::scoped_lock lock(mutex_);
+  return run_ ? run_->queued_blocks() : 0;
 }
 
 std::vector<RunStatus> Engine::runs() const {

@@ -232,6 +232,10 @@ void Run::write() {
   hub_.publish("run", write_json(status()));
 }
 
+std::size_t Run::queued_blocks() const {
+  return pipe_->full.read_available();
+}
+
 RunStatus Run::status() const {
   using Guarded = daq::Progress::State;
   const auto guarded = guard_->progress();

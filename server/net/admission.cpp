@@ -145,6 +145,8 @@ std::variant<Admitted, Refusal> Admission::admit(const RequestHead& head) const 
     admitted.route = head.method == "GET" ? Route::rpc_socket : Route::rpc_call;
   } else if (path->starts_with(recordings_prefix)) {
     admitted = {.route = Route::recording, .path = path->substr(recordings_prefix.size())};
+  } else if (*path == "/metrics") {
+    admitted.route = Route::metrics;
   } else if (*path == "/" && !query_value(query, "token").empty()) {
     admitted.route = Route::sign_in;
   }

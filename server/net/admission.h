@@ -30,7 +30,7 @@ struct RequestHead {
   bool upgrade = false;  // asks for a WebSocket, in full
 };
 
-enum class Route { rpc_call, rpc_socket, recording, page, sign_in };
+enum class Route { rpc_call, rpc_socket, recording, metrics, page, sign_in };
 
 struct Admitted {
   Route route = Route::page;
@@ -40,9 +40,9 @@ struct Admitted {
 struct Refusal {
   unsigned status = 400;
   ErrorCode code = ErrorCode::invalid_params;
-  std::string message;
-  std::string hint;
-  std::vector<std::pair<std::string, std::string>> headers;
+  std::string message{};
+  std::string hint{};
+  std::vector<std::pair<std::string, std::string>> headers{};
 
   nlohmann::json body() const;  // {name, message, hint}
 };

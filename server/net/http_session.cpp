@@ -141,6 +141,8 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
         return read_body();
       case Route::recording:
         return send_recording(path);
+      case Route::metrics:
+        return send_metrics();
       case Route::page:
         return send_page(path);
       case Route::sign_in:
@@ -180,12 +182,7 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
 
   void send_page(const std::string& path) {
     const auto asset = service_.content.asset ? service_.content.asset(path) : std::nullopt;
-    if (!asset)
-      return refuse({404,
-                     ErrorCode::not_found,
-                     "there is nothing at this path",
-                     "the page is at /, calls go to /rpc, recordings are under /recordings/",
-                     {}});
+    if (!asset) return refuse_path();
     auto response = make<http::string_body>(http::status::ok);
     response.set(field::content_type,
                  beast::string_view(asset->content_type.data(), asset->content_type.size()));
@@ -193,6 +190,25 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     response.set("X-Frame-Options", "DENY");
     response.body() = std::string(asset->content);
     send(std::move(response));
+  }
+
+  void refuse_path() {
+    refuse({404,
+            ErrorCode::not_found,
+            "there is nothing at this path",
+            "the page is at /, calls go to /rpc, recordings are under /recordings/",
+            {}});
+  }
+
+  void send_metrics() {
+    if (!service_.content.metrics) return refuse_path();
+    stream_.expires_never();
+    const Load load{service_.sessions.size(), service_.calls_waiting};
+    service_.run([&metrics = service_.content.metrics, load] { return metrics(load); },
+                 [self = shared_from_this()](std::string text) {
+                   self->send_text(http::status::ok, "text/plain; version=0.0.4; charset=utf-8",
+                                   std::move(text));
+                 });
   }
 
   // The token leaves the address bar for a cookie that no script can read and no other site can send.
@@ -236,6 +252,15 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   }
 
   void refuse(const Refusal& refusal) {
+    if (service_.content.refused) {
+      std::string request;
+      if (parser_) {
+        const auto target = parser_->get().target();
+        request = std::string(parser_->get().method_string()) + " " +
+                  std::string(target.substr(0, target.find('?')));
+      }
+      service_.content.refused(context_->client, request, refusal);
+    }
     auto response = make<http::string_body>(static_cast<http::status>(refusal.status));
     response.set(field::content_type, "application/json");
     for (const auto& [name, value] : refusal.headers) response.set(name, value);

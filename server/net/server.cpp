@@ -7,6 +7,7 @@
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <future>
 #include <mutex>
 #include <thread>
 #include <type_traits>
@@ -33,13 +34,24 @@ Session::~Session() {
 Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
     : dispatcher(d), hub(h), options(o), content(std::move(c)), workers(o.worker_threads) {}
 
+void Service::run(std::function<std::string()> work, std::function<void(std::string)> done) {
+  ++calls_waiting;
+  asio::post(workers, [this, work = std::move(work), done = std::move(done)]() mutable {
+    --calls_waiting;
+    auto text = work();
+    // `done` holds the session, which may only be let go on the io thread.
+    asio::post(io, [text = std::move(text), done = std::move(done)]() mutable { done(std::move(text)); });
+  });
+}
+
 void Service::call(std::string text, std::shared_ptr<CallContext> context,
                    std::function<void(std::optional<std::string>)> done) {
+  ++calls_waiting;
   asio::post(workers, [this, text = std::move(text), context = std::move(context),
                        done = std::move(done)]() mutable {
+    --calls_waiting;
     auto reply = dispatcher.handle(text, *context);
     context.reset();
-    // `done` holds the session, which may only be let go on the io thread.
     asio::post(io, [reply = std::move(reply), done = std::move(done)]() mutable { done(std::move(reply)); });
   });
 }
@@ -168,6 +180,13 @@ Server::~Server() {
 
 std::uint16_t Server::port() const {
   return state_->port;
+}
+
+bool Server::answers(std::chrono::milliseconds within) const {
+  auto here = std::make_shared<std::promise<void>>();
+  auto answer = here->get_future();
+  asio::post(state_->service.io, [here] { here->set_value(); });
+  return answer.wait_for(within) == std::future_status::ready;
 }
 
 void Server::stop() {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -17,7 +18,8 @@ namespace ferrobench::server {
 
 class Bench {
  public:
-  explicit Bench(ServerOptions options = {});
+  // `also` may change what the server is given.
+  explicit Bench(ServerOptions options = {}, const std::function<void(Bench&, Content&)>& also = nullptr);
   ~Bench();
 
   std::uint16_t port() const { return server->port(); }

@@ -30,7 +30,7 @@ void describe(Visitor& visit, SleepParams& p) {
 
 }  // namespace
 
-Bench::Bench(ServerOptions options) {
+Bench::Bench(ServerOptions options, const std::function<void(Bench&, Content&)>& also) {
   static std::atomic<int> number{0};
   folder = std::filesystem::temp_directory_path() /
            ("ferrobench-" + std::to_string(getpid()) + "-" + std::to_string(++number));
@@ -40,6 +40,7 @@ Bench::Bench(ServerOptions options) {
 
   rpc.add<NoParams>({.name = "count", .doc = "counts", .role = Role::control},
                     [this](const NoParams&) -> nlohmann::json { return ++counted; });
+  rpc.add<NoParams>({.name = "stop", .doc = "is for everybody", .role = Role::stop}, [](const NoParams&) {});
   rpc.add<EchoParams>({.name = "echo", .doc = "gives back"}, [](const EchoParams& p) { return p.value; });
   rpc.add<SleepParams>({.name = "sleep", .doc = "takes its time"}, [](const SleepParams& p) {
     std::this_thread::sleep_for(std::chrono::duration<double>(p.seconds));
@@ -67,6 +68,7 @@ Bench::Bench(ServerOptions options) {
     return name == "loop.h5" ? std::optional((folder / name).string()) : std::nullopt;
   };
   content.disconnected = [this](const CallContext&) { ++gone; };
+  if (also) also(*this, content);
   server = std::make_unique<Server>(rpc, hub, options, std::move(content));
 }
 
