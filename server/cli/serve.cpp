@@ -1,4 +1,5 @@
 #include <sys/stat.h>
+#include <systemd/sd-daemon.h>
 #include <unistd.h>
 
 #include <iostream>
@@ -7,6 +8,8 @@
 #include "recordings/recover.h"
 #include "server/cli/link.h"
 #include "server/methods/methods.h"
+#include "server/methods/metrics.h"
+#include "server/net/audit.h"
 #include "server/net/server.h"
 #include "server/net/token.h"
 #include "server/web/page.h"
@@ -22,17 +25,6 @@ struct ServeOptions {
   std::string token_file{};
 };
 
-// A recording by its name, or what recording.export wrote beside it.
-std::optional<std::string> download(const server::Store& store, const std::string& name) {
-  try {
-    if (!name.ends_with(".csv")) return store.recording(name).string();  // no file yet while its run goes on
-    server::check_name(name, "/name");
-    return (store.recordings() / name).string();
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
-
 // What the runs of a program that died have left. One that cannot be made whole stays for 'ferrobench
 // recover'.
 void recover_all(const std::string& folder) {
@@ -45,6 +37,34 @@ void recover_all(const std::string& folder) {
       std::cerr << "ferrobench: " << name << " cannot be recovered: " << error.what() << std::endl;
     }
   }
+}
+
+// systemd's journal, which others may read.
+bool writes_to_journal() {
+  struct stat out {};
+  const char* journal = std::getenv("JOURNAL_STREAM");
+  return journal != nullptr && fstat(STDOUT_FILENO, &out) == 0 &&
+         journal == std::to_string(out.st_dev) + ":" + std::to_string(out.st_ino);
+}
+
+// systemd, where it started the daemon, is told that it lives as long as engine and door answer. Elsewhere
+// nobody is.
+void wait_for_interrupt(const server::Engine& engine, const server::Server& door) {
+  using Clock = std::chrono::steady_clock;
+  std::uint64_t patience = 0;  // of the watchdog, in us
+  const bool watched = sd_watchdog_enabled(0, &patience) > 0;
+  const std::chrono::microseconds interval(patience / 4);
+  auto next = Clock::now();
+  sd_notify(0, "READY=1");
+  while (Interrupt::count() == 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (!watched || Clock::now() < next) continue;
+    next = Clock::now() + interval;
+    engine.status();  // takes the locks of bench and run
+    if (door.answers(std::chrono::duration_cast<std::chrono::milliseconds>(interval)))
+      sd_notify(0, "WATCHDOG=1");
+  }
+  sd_notify(0, "STOPPING=1");
 }
 
 int serve(const ServeOptions& o, const Common& common) {
@@ -60,20 +80,37 @@ int serve(const ServeOptions& o, const Common& common) {
   const fs::path token_file =
       o.token_file.empty() ? server::state_folder() / "token" : fs::path(o.token_file);
   options.token = server::load_or_create_token(token_file);
+  const auto audit_folder = engine.store().folder() / "audit";
+  server::Audit audit(audit_folder, options.token);
+  server::Metrics metrics(engine);
+  rpc.set_observer([&audit, &metrics](const server::Call& call) {
+    audit.call(call);
+    metrics.call(call);
+  });
   server::Content content{
       .asset = server::page_asset,
-      .recording = [&engine](const std::string& name) { return download(engine.store(), name); },
-      .disconnected = nullptr};
+      .recording = [&engine](const std::string& name) { return engine.store().download(name); },
+      .disconnected = nullptr,
+      .refused =
+          [&audit, &metrics](std::string_view client, std::string_view request,
+                             const server::Refusal& refusal) {
+            audit.refusal(client, request, refusal);
+            metrics.refusal(refusal);
+          },
+      .metrics = [&audit, &metrics](const server::Load& load) { return metrics.text(load, audit.lost()); }};
   server::Server door(rpc, hub, options, std::move(content));
 
   const auto address = "http://" + options.address + ":" + std::to_string(door.port());
   std::cout << "ferrobench is listening\n"
-            << "  page      " << address << "/?token=" << options.token << '\n'
+            << "  page      " << address << "/?token=" << (writes_to_journal() ? "TOKEN" : options.token)
+            << '\n'
             << "  JSON-RPC  " << address << "/rpc (token in " << token_file.string() << ")\n"
             << "  socket    " << options.unix_socket << '\n'
+            << "  metrics   " << address << "/metrics (with the token, for Prometheus)\n"
             << "  data      " << engine.store().folder().string() << '\n'
+            << "  audit     " << audit_folder.string() << '\n'
             << "Ctrl-C stops it; a run under way is stopped safely first." << std::endl;
-  while (Interrupt::count() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  wait_for_interrupt(engine, door);
   std::cout << "stopping" << std::endl;
   engine.stop();
   door.stop();
@@ -99,6 +136,9 @@ void add_serve(CLI::App& app, Common& common) {
       ->type_name("FILE");
   sub->footer(
       "Recordings whose run broke off are made whole before it listens (ferrobench recover --help).\n"
+      "Who did what, and who was refused, stands in the folder \"audit\" of the data folder: calls.jsonl "
+      "and\n"
+      "refusals.jsonl, a line of JSON each, at most 80 MiB of either. GET /metrics is for Prometheus.\n"
       "Examples:\n"
       "  ferrobench serve\n"
       "  ferrobench serve --port 0 --data /tmp/bench");

@@ -90,7 +90,10 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
     run_->wait();  // its threads are done with the device, whoever still holds the run
     past_.emplace_front(run_->status(), std::move(asked_));
   }
-  if (past_.size() > most_runs) past_.pop_back();
+  if (past_.size() > most_runs) {
+    forgotten_.add(past_.back().first);
+    past_.pop_back();
+  }
   run_.reset();
   lease_.forget_lost();
   run_ = std::make_shared<Run>(std::move(setup), hub_);
@@ -126,6 +129,26 @@ RunSetup Engine::make_setup(const RunRequest& request) const {
   // A replay can wait for the disk, whatever its clock.
   setup.real_time = setup.device->tape() == nullptr && setup.device->info().value("clock", "real") != "fast";
   return setup;
+}
+
+void RunTotals::add(const RunStatus& run) {
+  complete += run.state == RunState::complete ? 1 : 0;
+  aborted += run.state == RunState::aborted ? 1 : 0;
+  rows += run.rows;
+  rows_on_disk += run.rows_on_disk;
+}
+
+RunTotals Engine::totals() const {
+  const std::scoped_lock lock(mutex_);
+  auto out = forgotten_;
+  for (const auto& [status, asked] : past_) out.add(status);
+  if (run_) out.add(run_->status());
+  return out;
+}
+
+std::size_t Engine::queued_blocks() const {
+  const std::scoped_lock lock(mutex_);
+  return run_ ? run_->queued_blocks() : 0;
 }
 
 std::vector<RunStatus> Engine::runs() const {

@@ -17,6 +17,13 @@
 
 namespace ferrobench::server {
 
+// Of all runs since the start.
+struct RunTotals {
+  std::uint64_t complete = 0, aborted = 0;
+  std::int64_t rows = 0, rows_on_disk = 0;
+  void add(const RunStatus& run);
+};
+
 class Engine {
  public:
   // Adds the topics run, samples, events and job to the hub, which outlives the engine.
@@ -31,6 +38,8 @@ class Engine {
   // `id` "": the latest; state idle if there was none. Error(not_found).
   RunStatus status(const std::string& id = "") const;
   std::vector<RunStatus> runs() const;  // newest first
+  RunTotals totals() const;
+  std::size_t queued_blocks() const;  // of samples, not yet with the writer
   RunStatus wait(const std::string& id);
   void pause(const std::string& id);
   void resume(const std::string& id);
@@ -76,6 +85,7 @@ class Engine {
   };
   Asked asked_;                                   // for run_
   std::deque<std::pair<RunStatus, Asked>> past_;  // newest first
+  RunTotals forgotten_;                           // runs that past_ has no more room for
   std::uint64_t last_device_ = 0;
   bool stopped_ = false;
   Jobs jobs_;  // last: its threads end first

@@ -232,6 +232,10 @@ void Run::tell() {
   hub_.publish("run", write_json(status()));
 }
 
+std::size_t Run::queued_blocks() const {
+  return pipe_->waiting;
+}
+
 RunStatus Run::status() const {
   using Guarded = daq::Progress::State;
   const std::scoped_lock lock(mutex_);

@@ -101,6 +101,7 @@ class Run {
 
   const std::string& id() const { return setup_.id; }
   RunStatus status() const;
+  std::size_t queued_blocks() const;  // acquired, not yet with the writer
   bool over() const { return is_over(status().state); }
 
   // Error(bad_state) where that makes no sense now.

@@ -35,6 +35,12 @@ std::string without_suffix(std::string name, std::string_view suffix) {
   return name;
 }
 
+// A link may lead anywhere, out of the store too.
+bool is_plain_file(const fs::path& path) {
+  std::error_code failure;
+  return fs::is_regular_file(fs::symlink_status(path, failure));
+}
+
 void make_folder(const fs::path& folder) {
   std::error_code failure;
   fs::create_directories(folder, failure);
@@ -95,6 +101,16 @@ fs::path Store::new_recording(const std::string& stem) const {
   return path;
 }
 
+std::optional<std::string> Store::download(const std::string& name) const {
+  try {
+    if (!name.ends_with(".csv")) return recording(name).string();  // no file yet while its run goes on
+    check_name(name, "/name");
+    return (recordings() / name).string();
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
 bool Store::is_taken(const fs::path& path) {
   return fs::exists(path) ||
          ferrobench::recordings::journal_state(path) != ferrobench::recordings::JournalState::none;
@@ -103,8 +119,7 @@ bool Store::is_taken(const fs::path& path) {
 fs::path Store::recording(const std::string& name) const {
   check_name(name, "/recording");
   auto path = recordings() / (without_suffix(name, ".h5") + ".h5");
-  std::error_code failure;
-  if (!fs::is_regular_file(ferrobench::recordings::present_file(path), failure))
+  if (!is_plain_file(ferrobench::recordings::present_file(path)))
     throw_not_found("recording", name, recording_names());
   return path;
 }
@@ -114,7 +129,7 @@ std::vector<std::string> Store::recording_names() const {
   std::error_code failure;
   for (const auto& entry : fs::directory_iterator(recordings(), failure)) {
     const auto file = without_suffix(entry.path().filename().string(), ".journal");
-    if (file.ends_with(".h5") && entry.is_regular_file(failure))
+    if (file.ends_with(".h5") && is_plain_file(entry.path()))
       found.emplace_back(entry.last_write_time(failure), without_suffix(file, ".h5"));
   }
   std::ranges::sort(found, std::greater{});

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,8 +24,11 @@ class Store {
   std::filesystem::path new_recording(const std::string& stem) const;
   // The file of a recording of this store by its name, with or without ".h5". Names come from outside: one
   // with anything but letters, digits and . _ - is Error(invalid_params). Error(not_found) with the nearest
-  // name. While a run goes on, or where one broke off, only the file's journal may be there.
+  // name. A link is no recording. While a run goes on, or where one broke off, only the file's journal may be
+  // there.
   std::filesystem::path recording(const std::string& name) const;
+  // Where a client finds what it asks for by HTTP: a recording, or what recording.export wrote beside it.
+  std::optional<std::string> download(const std::string& name) const;
   static bool is_taken(const std::filesystem::path& path);  // by a recording or its journal
   std::vector<std::string> recording_names() const;         // newest first
 

@@ -113,7 +113,8 @@ void add_leases(Dispatcher& rpc, Engine& engine) {
   rpc.add<AcquireParams>({.name = "lease.acquire",
                           .doc = "Makes the caller the only one who may control. By HTTP, present it as "
                                  "Ferrobench-Lease. Anybody may "
-                                 "still run.abort."},
+                                 "still run.abort.",
+                          .audited = true},
                          [&engine](const AcquireParams& p, CallContext& caller) {
                            return engine.lease().acquire(caller, p.seconds, p.stop_run);
                          });
@@ -122,7 +123,7 @@ void add_leases(Dispatcher& rpc, Engine& engine) {
                          return engine.lease().renew(caller, p.lease, p.seconds);
                        });
   rpc.add<ReleaseParams>(
-      {.name = "lease.release", .doc = "Gives the lease back."},
+      {.name = "lease.release", .doc = "Gives the lease back.", .audited = true},
       [&engine](const ReleaseParams& p, CallContext& caller) { engine.lease().release(caller, p.lease); });
   rpc.add<NoParams>({.name = "lease.status", .doc = "Who controls, if anybody."},
                     [&engine](const NoParams&) { return engine.lease().status(); });

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <optional>
 
 #include "server/net/token.h"
 
@@ -120,8 +119,8 @@ std::variant<Admitted, Refusal> Admission::admit(const RequestHead& head) const 
                    "the Host header names no host of this daemon",
                    "call it as 127.0.0.1:" + std::to_string(port_) + ", or start it with the name allowed",
                    {}};
-  if (!head.origin.empty() &&
-      (!head.origin.starts_with("http://") || !contains(hosts_, lower(head.origin.substr(7)))))
+  if (head.origin &&
+      (!head.origin->starts_with("http://") || !contains(hosts_, lower(head.origin->substr(7)))))
     return Refusal{403,
                    ErrorCode::unauthorized,
                    "the Origin header names another site",
@@ -146,6 +145,8 @@ std::variant<Admitted, Refusal> Admission::admit(const RequestHead& head) const 
     admitted.route = head.method == "GET" ? Route::rpc_socket : Route::rpc_call;
   } else if (path->starts_with(recordings_prefix)) {
     admitted = {.route = Route::recording, .path = path->substr(recordings_prefix.size())};
+  } else if (*path == "/metrics") {
+    admitted.route = Route::metrics;
   } else if (*path == "/" && !query_value(query, "token").empty()) {
     admitted.route = Route::sign_in;
   }
@@ -173,8 +174,8 @@ std::variant<Admitted, Refusal> Admission::admit(const RequestHead& head) const 
     return Refusal{426,
                    ErrorCode::invalid_params,
                    "GET /rpc opens a WebSocket and nothing else",
-                   "call by POST, or upgrade the connection",
-                   {{"Upgrade", "websocket"}}};
+                   "call by POST, or upgrade the connection (version 13, with a key of 16 bytes)",
+                   {{"Upgrade", "websocket"}, {"Sec-WebSocket-Version", "13"}}};
   return admitted;
 }
 

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -22,14 +23,14 @@ struct RequestHead {
   std::string method;
   std::string target;
   std::string host;
-  std::string origin;
+  std::optional<std::string> origin;  // only browsers send it
   std::string authorization;
   std::string cookie;
   std::string content_type;
-  bool upgrade = false;  // asks for a WebSocket
+  bool upgrade = false;  // asks for a WebSocket, in full
 };
 
-enum class Route { rpc_call, rpc_socket, recording, page, sign_in };
+enum class Route { rpc_call, rpc_socket, recording, metrics, page, sign_in };
 
 struct Admitted {
   Route route = Route::page;
@@ -39,9 +40,9 @@ struct Admitted {
 struct Refusal {
   unsigned status = 400;
   ErrorCode code = ErrorCode::invalid_params;
-  std::string message;
-  std::string hint;
-  std::vector<std::pair<std::string, std::string>> headers;
+  std::string message{};
+  std::string hint{};
+  std::vector<std::pair<std::string, std::string>> headers{};
 
   nlohmann::json body() const;  // {name, message, hint}
 };

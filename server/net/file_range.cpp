@@ -41,7 +41,7 @@ std::optional<ByteRange> parse_range(std::string_view header, std::uint64_t size
 }
 
 std::optional<FileRange> FileRange::open(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
   if (fd < 0) return std::nullopt;
   const std::shared_ptr<const int> descriptor(new int(fd), [](const int* p) {
     close(*p);

@@ -27,7 +27,7 @@ std::optional<ByteRange> parse_range(std::string_view header, std::uint64_t size
 struct FileRange : ByteRange {
   std::shared_ptr<const int> descriptor;  // closed with the last copy
 
-  // All of a plain file; nothing if it cannot be opened.
+  // All of a plain file; nothing if it cannot be opened, or is a link to one.
   static std::optional<FileRange> open(const std::string& path);
 };
 

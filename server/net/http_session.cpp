@@ -36,6 +36,12 @@ std::string value_of(const http::fields& fields, field name) {
   return out;
 }
 
+// Whatever Beast would refuse by itself is refused with the others.
+bool asks_for_websocket(const http::request_header<>& request) {
+  return beast::websocket::is_upgrade(request) && value_of(request, field::sec_websocket_version) == "13" &&
+         value_of(request, field::sec_websocket_key).size() == 24;
+}
+
 class HttpSession final : public Session, public std::enable_shared_from_this<HttpSession> {
  public:
   HttpSession(Service& service, boost::asio::ip::tcp::socket socket)
@@ -78,7 +84,8 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                             });
   }
 
-  // Whether reading went well; otherwise the client is told what it did wrong, if it did anything.
+  // Whether reading went well; otherwise the client is told what it did wrong. One that takes too long is
+  // closed without a word: it does not read either.
   bool received(error_code ec) {
     if (!ec) return true;
     if (ec == http::error::body_limit) {
@@ -93,9 +100,6 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
               "the request's head is too long",
               "at most " + std::to_string(service_.options.max_header_bytes) + " bytes",
               {}});
-    } else if (ec == beast::error::timeout && buffer_.size() > 0) {
-      refuse(
-          {408, ErrorCode::invalid_params, "the request took too long to arrive", "send it in one go", {}});
     } else if (ec.category() == http::make_error_code(http::error::bad_method).category() &&
                ec != http::error::end_of_stream && ec != http::error::partial_message) {
       refuse({400,
@@ -113,22 +117,32 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     const RequestHead head{.method = std::string(request.method_string()),
                            .target = std::string(request.target()),
                            .host = value_of(request, field::host),
-                           .origin = value_of(request, field::origin),
+                           .origin = request.count(field::origin) > 0
+                                         ? std::optional(value_of(request, field::origin))
+                                         : std::nullopt,
                            .authorization = value_of(request, field::authorization),
                            .cookie = value_of(request, field::cookie),
                            .content_type = value_of(request, field::content_type),
-                           .upgrade = beast::websocket::is_upgrade(request)};
+                           .upgrade = asks_for_websocket(request)};
     const auto decision = service_.admission->admit(head);
     if (const auto* refusal = std::get_if<Refusal>(&decision)) return refuse(*refusal);
     const auto& [route, path] = std::get<Admitted>(decision);
     context_->lease = std::string(request["Ferrobench-Lease"]);
     switch (route) {
       case Route::rpc_socket:
+        if (buffer_.size() > 0)
+          return refuse({400,
+                         ErrorCode::invalid_params,
+                         "the client spoke before the WebSocket was open",
+                         "wait for the reply to the upgrade, then send frames",
+                         {}});
         return start_websocket(service_, std::move(stream_), parser_->release(), context_);
       case Route::rpc_call:
         return read_body();
       case Route::recording:
         return send_recording(path);
+      case Route::metrics:
+        return send_metrics();
       case Route::page:
         return send_page(path);
       case Route::sign_in:
@@ -168,12 +182,7 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
 
   void send_page(const std::string& path) {
     const auto asset = service_.content.asset ? service_.content.asset(path) : std::nullopt;
-    if (!asset)
-      return refuse({404,
-                     ErrorCode::not_found,
-                     "there is nothing at this path",
-                     "the page is at /, calls go to /rpc, recordings are under /recordings/",
-                     {}});
+    if (!asset) return refuse_path();
     auto response = make<http::string_body>(http::status::ok);
     response.set(field::content_type,
                  beast::string_view(asset->content_type.data(), asset->content_type.size()));
@@ -181,6 +190,25 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     response.set("X-Frame-Options", "DENY");
     response.body() = std::string(asset->content);
     send(std::move(response));
+  }
+
+  void refuse_path() {
+    refuse({404,
+            ErrorCode::not_found,
+            "there is nothing at this path",
+            "the page is at /, calls go to /rpc, recordings are under /recordings/",
+            {}});
+  }
+
+  void send_metrics() {
+    if (!service_.content.metrics) return refuse_path();
+    stream_.expires_never();
+    const Load load{service_.sessions.size(), service_.calls_waiting};
+    service_.run([&metrics = service_.content.metrics, load] { return metrics(load); },
+                 [self = shared_from_this()](std::string text) {
+                   self->send_text(http::status::ok, "text/plain; version=0.0.4; charset=utf-8",
+                                   std::move(text));
+                 });
   }
 
   // The token leaves the address bar for a cookie that no script can read and no other site can send.
@@ -218,12 +246,21 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                                              std::to_string(wanted->first + wanted->length - 1) + "/" +
                                              std::to_string(whole));
     }
-    const auto seconds = 30 + file->length / (1u << 20);  // a client slower than 1 MiB/s is given up
+    const auto seconds = file->length >> 20;  // a client slower than 1 MiB/s is given up
     response.body() = std::move(*file);
     send(std::move(response), std::chrono::seconds(seconds));
   }
 
   void refuse(const Refusal& refusal) {
+    if (service_.content.refused) {
+      std::string request;
+      if (parser_) {
+        const auto target = parser_->get().target();
+        request = std::string(parser_->get().method_string()) + " " +
+                  std::string(target.substr(0, target.find('?')));
+      }
+      service_.content.refused(context_->client, request, refusal);
+    }
     auto response = make<http::string_body>(static_cast<http::status>(refusal.status));
     response.set(field::content_type, "application/json");
     for (const auto& [name, value] : refusal.headers) response.set(name, value);
@@ -250,12 +287,12 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   }
 
   template <class Body>
-  void send(http::response<Body> response, std::chrono::milliseconds timeout = std::chrono::seconds(30)) {
+  void send(http::response<Body> response, std::chrono::milliseconds more = {}) {
     keep_open_ = keep_open_ && !service_.stopping && parser_ && parser_->get().keep_alive();
     response.keep_alive(keep_open_);
     response.prepare_payload();
     auto message = std::make_shared<http::response<Body>>(std::move(response));
-    stream_.expires_after(timeout);
+    stream_.expires_after(service_.options.reply_timeout + more);
     http::async_write(stream_, *message, [self = shared_from_this(), message](error_code ec, std::size_t) {
       if (ec) return;
       if (self->keep_open_) return self->read_head();

@@ -20,14 +20,16 @@ struct ServerOptions {
   std::string unix_socket;      // path; "" for none
   std::string token;            // 64 hexadecimal digits, from load_or_create_token()
   unsigned worker_threads = 4;  // calls under way at once
-  std::size_t max_connections = 64;
+  std::size_t max_connections =
+      64;  // by TCP; as many by the Unix socket, so that strangers keep nobody from it
   std::size_t max_body_bytes = 4u << 20;
   std::size_t max_header_bytes = 16u << 10;
   std::chrono::milliseconds header_timeout{
       15'000};  // from connecting, or from the last reply, to the end of the head
   std::chrono::milliseconds body_timeout{30'000};
-  std::chrono::milliseconds idle_timeout{60'000};  // a WebSocket that does not answer a ping
-  std::chrono::milliseconds stop_timeout{2'000};   // for replies under way when the daemon stops
+  std::chrono::milliseconds reply_timeout{30'000};  // to take a reply; a file gets 1 s more for each MiB
+  std::chrono::milliseconds idle_timeout{60'000};   // a WebSocket that does not answer a ping
+  std::chrono::milliseconds stop_timeout{2'000};    // for replies under way when the daemon stops
   OutboxLimits outbox;
 
   // Everything wrong with the options, none if they are fine.

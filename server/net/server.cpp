@@ -3,11 +3,14 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <future>
 #include <mutex>
 #include <thread>
+#include <type_traits>
 #include <utility>
 
 #include "server/net/service.h"
@@ -31,13 +34,24 @@ Session::~Session() {
 Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
     : dispatcher(d), hub(h), options(o), content(std::move(c)), workers(o.worker_threads) {}
 
+void Service::run(std::function<std::string()> work, std::function<void(std::string)> done) {
+  ++calls_waiting;
+  asio::post(workers, [this, work = std::move(work), done = std::move(done)]() mutable {
+    --calls_waiting;
+    auto text = work();
+    // `done` holds the session, which may only be let go on the io thread.
+    asio::post(io, [text = std::move(text), done = std::move(done)]() mutable { done(std::move(text)); });
+  });
+}
+
 void Service::call(std::string text, std::shared_ptr<CallContext> context,
                    std::function<void(std::optional<std::string>)> done) {
+  ++calls_waiting;
   asio::post(workers, [this, text = std::move(text), context = std::move(context),
                        done = std::move(done)]() mutable {
+    --calls_waiting;
     auto reply = dispatcher.handle(text, *context);
     context.reset();
-    // `done` holds the session, which may only be let go on the io thread.
     asio::post(io, [reply = std::move(reply), done = std::move(done)]() mutable { done(std::move(reply)); });
   });
 }
@@ -64,8 +78,8 @@ class Listener {
       ++service_.connections;
       const auto limit = service_.options.max_connections;
       // Those to be told that the house is full are themselves few: the rest is closed without a word.
-      if (service_.sessions.size() < limit + 16)
-        start_(service_, std::move(socket), service_.sessions.size() >= limit);
+      const auto open = open_sessions();
+      if (open < limit + 16) start_(service_, std::move(socket), open >= limit);
       accept();
     });
   }
@@ -77,6 +91,12 @@ class Listener {
   }
 
  private:
+  std::size_t open_sessions() const {
+    constexpr bool local_ones = std::is_same_v<Protocol, local>;
+    return static_cast<std::size_t>(std::ranges::count_if(
+        service_.sessions, [](const Session* session) { return session->local() == local_ones; }));
+  }
+
   Service& service_;
   typename Protocol::acceptor acceptor_;
   asio::steady_timer pause_;
@@ -160,6 +180,13 @@ Server::~Server() {
 
 std::uint16_t Server::port() const {
   return state_->port;
+}
+
+bool Server::answers(std::chrono::milliseconds within) const {
+  auto here = std::make_shared<std::promise<void>>();
+  auto answer = here->get_future();
+  asio::post(state_->service.io, [here] { here->set_value(); });
+  return answer.wait_for(within) == std::future_status::ready;
 }
 
 void Server::stop() {

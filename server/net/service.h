@@ -2,6 +2,7 @@
 // Everything here belongs to the one thread of `io`, except what runs on the workers.
 #pragma once
 
+#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/local/stream_protocol.hpp>
@@ -28,6 +29,7 @@ class Session {
   Session& operator=(const Session&) = delete;
   // Closes as soon as what is under way is answered.
   virtual void stop() = 0;
+  virtual bool local() const { return false; }  // came by the Unix socket
 
  protected:
   Service& service_;
@@ -42,6 +44,7 @@ struct Service {
   std::set<Session*> sessions;
   bool stopping = false;
   std::uint64_t connections = 0;  // ever accepted, to name them
+  std::atomic<std::size_t> calls_waiting{0};
   boost::asio::io_context io{1};
   boost::asio::thread_pool workers;
 
@@ -50,6 +53,8 @@ struct Service {
   // Runs the text through the dispatcher on a worker; `done` gets the reply on the io thread.
   void call(std::string text, std::shared_ptr<CallContext> context,
             std::function<void(std::optional<std::string>)> done);
+  // The same for any work that makes a text.
+  void run(std::function<std::string()> work, std::function<void(std::string)> done);
 };
 
 // A full house is told so, and closed.

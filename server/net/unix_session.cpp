@@ -1,3 +1,5 @@
+#include <sys/socket.h>
+
 #include <array>
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/read_until.hpp>
@@ -20,10 +22,18 @@ std::string refusal_line(int code, std::string_view message, const Refusal& refu
   return line.dump();
 }
 
+// Who is at the other end, as the kernel knows it.
+std::string peer_of(int fd) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return "";
+  return " user " + std::to_string(peer.uid) + " process " + std::to_string(peer.pid);
+}
+
 class UnixSession final : public Conversation {
  public:
-  UnixSession(Service& service, Socket socket, std::shared_ptr<CallContext> context)
-      : Conversation(service, std::move(context)), socket_(std::move(socket)) {}
+  UnixSession(Service& service, Socket socket, const std::shared_ptr<CallContext>& context)
+      : Conversation(service, context), client_(context->client), socket_(std::move(socket)) {}
 
   void start(bool full) {
     if (!full) return begin();
@@ -32,14 +42,21 @@ class UnixSession final : public Conversation {
                           .message = "too many connections are open",
                           .hint = "close some, or try again later",
                           .headers = {}};
+    refused(refusal);
     const auto text = refusal_line(entry(ErrorCode::busy).rpc_code, refusal.message, refusal) + "\n";
     error_code ignored;
     socket_.non_blocking(true, ignored);
     socket_.write_some(asio::buffer(text), ignored);
   }
 
+  bool local() const override { return true; }
+
  private:
   std::shared_ptr<UnixSession> mine() { return std::static_pointer_cast<UnixSession>(shared_from_this()); }
+
+  void refused(const Refusal& refusal) {
+    if (service_.content.refused) service_.content.refused(client_, "", refusal);
+  }
 
   void read() override {
     const auto limit = service_.options.max_body_bytes;
@@ -51,6 +68,7 @@ class UnixSession final : public Conversation {
                                                      .message = "the line is too long",
                                                      .hint = "at most " + std::to_string(limit) + " bytes",
                                                      .headers = {}};
+                               self->refused(refusal);
                                return self->farewell(refusal_line(-32700, "Parse error", refusal));
                              }
                              if (ec == asio::error::eof) return self->ended();
@@ -76,6 +94,7 @@ class UnixSession final : public Conversation {
     socket_.close(ignored);
   }
 
+  std::string client_;
   Socket socket_;
   std::string buffer_;
 };
@@ -84,8 +103,8 @@ class UnixSession final : public Conversation {
 
 void start_unix(Service& service, Socket socket, bool full) {
   auto context = std::make_shared<CallContext>();
-  context->client = "unix " + std::to_string(service.connections);
-  std::make_shared<UnixSession>(service, std::move(socket), std::move(context))->start(full);
+  context->client = "unix " + std::to_string(service.connections) + peer_of(socket.native_handle());
+  std::make_shared<UnixSession>(service, std::move(socket), context)->start(full);
 }
 
 }  // namespace ferrobench::server

@@ -111,15 +111,30 @@ json Dispatcher::call(std::string_view name, const json& params, CallContext& co
   return invoke(*method, params, context);
 }
 
+void Dispatcher::report(Call call, const json& reply) const {
+  if (!observer_) return;
+  call.outcome = "ok";
+  if (const auto error = reply.find("error"); error != reply.end())
+    call.outcome = (*error)["data"]["name"].get_ref<const std::string&>();
+  observer_(call);
+}
+
 std::optional<json> Dispatcher::answer(const json& request, CallContext& context) const {
   const auto id_at = request.is_object() ? request.find("id") : request.end();
   const bool has_id = request.is_object() && id_at != request.end();
   json id = has_id && may_be_id(*id_at) ? *id_at : json(nullptr);
-  if (const auto problem = form_problem(request)) return refuse_request(*problem, std::move(id));
+  if (const auto problem = form_problem(request)) {
+    auto reply = refuse_request(*problem, std::move(id));
+    report({{}, nullptr, nullptr, context, {}, {}}, reply);
+    return reply;
+  }
 
+  const auto begin = std::chrono::steady_clock::now();
   const auto& name = request["method"].get_ref<const std::string&>();
+  const auto params = request.value("params", json(nullptr));
+  const Method* method = find(name);
   json reply;
-  if (const Method* method = find(name); method == nullptr) {
+  if (method == nullptr) {
     reply = error_reply(method_not_found, "Method not found",
                         one_problem("method_not_found", {.path = "/method",
                                                          .message = "is not in the table",
@@ -128,7 +143,7 @@ std::optional<json> Dispatcher::answer(const json& request, CallContext& context
                         std::move(id));
   } else {
     try {
-      auto result = invoke(*method, request.value("params", json(nullptr)), context);
+      auto result = invoke(*method, params, context);
       reply = {{"jsonrpc", "2.0"}, {"result", std::move(result)}, {"id", std::move(id)}};
     } catch (const Error& e) {
       reply = error_reply(entry(e.code()).rpc_code, e.message(), e.data(), std::move(id));
@@ -140,6 +155,7 @@ std::optional<json> Dispatcher::answer(const json& request, CallContext& context
                       std::move(id));
     }
   }
+  report({name, method, params, context, {}, std::chrono::steady_clock::now() - begin}, reply);
   if (!has_id) return std::nullopt;
   return reply;
 }
@@ -151,19 +167,24 @@ std::optional<std::string> Dispatcher::answer_text(std::string_view text, CallCo
         parse_json_text(text, ErrorCode::invalid_params, "the request", limits_.max_bytes, limits_.max_depth);
   } catch (const Error& e) {
     auto data = one_problem("parse_error", {.path = "", .message = e.what()});
-    return text_of(error_reply(parse_error, "Parse error", std::move(data), nullptr));
+    const auto reply = error_reply(parse_error, "Parse error", std::move(data), nullptr);
+    report({{}, nullptr, nullptr, context, {}, {}}, reply);
+    return text_of(reply);
   }
   if (!parsed.is_array()) {
     const auto reply = answer(parsed, context);
     return reply ? std::optional(text_of(*reply)) : std::nullopt;
   }
-  if (parsed.empty() || parsed.size() > limits_.max_batch)
-    return text_of(
+  if (parsed.empty() || parsed.size() > limits_.max_batch) {
+    const auto reply =
         refuse_request({.path = "",
                         .message = "a batch has at least one request and at most the number allowed",
                         .given = parsed.size(),
                         .allowed = limits_.max_batch},
-                       nullptr));
+                       nullptr);
+    report({{}, nullptr, nullptr, context, {}, {}}, reply);
+    return text_of(reply);
+  }
   json replies = json::array();
   for (const auto& request : parsed)
     if (auto reply = answer(request, context)) replies.push_back(std::move(*reply));

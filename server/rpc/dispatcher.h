@@ -7,6 +7,7 @@
 // The table is filled before the first call; handle() and call() may then run on any number of threads.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -25,6 +26,16 @@ struct DispatchLimits {
   std::size_t max_batch = 100;       // requests in one batch
 };
 
+// A call that is over, for whoever keeps account of them.
+struct Call {
+  std::string_view name;
+  const Method* method;  // null: no such method, or no request at all
+  const nlohmann::json& params;
+  const CallContext& caller;
+  std::string_view outcome;  // "ok", or the name of the error
+  std::chrono::nanoseconds time;
+};
+
 class Dispatcher {
  public:
   // Runs before every method of Role::control; throws Error(not_controller) to refuse the caller.
@@ -38,6 +49,9 @@ class Dispatcher {
   }
   void add(Method method);  // a second method of the same name is a programmer's error
   void set_gate(Gate gate) { gate_ = std::move(gate); }
+  // Is told of every call that comes as text, on the thread that made it.
+  using Observer = std::function<void(const Call&)>;
+  void set_observer(Observer observer) { observer_ = std::move(observer); }
 
   // The reply, or nothing if the text held notifications only. Does not throw.
   std::optional<std::string> handle(std::string_view text, CallContext& context) const noexcept;
@@ -51,11 +65,13 @@ class Dispatcher {
   const Method* find(std::string_view name) const;
   std::string nearest(std::string_view name) const;
   nlohmann::json invoke(const Method& method, const nlohmann::json& params, CallContext& context) const;
+  void report(Call call, const nlohmann::json& reply) const;
   std::optional<nlohmann::json> answer(const nlohmann::json& request, CallContext& context) const;
   std::optional<std::string> answer_text(std::string_view text, CallContext& context) const;
 
   DispatchLimits limits_;
   Gate gate_;
+  Observer observer_;
   std::map<std::string, Method, std::less<>> methods_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <set>
 #include <utility>
 
 #include "protocols/common/fields.h"
@@ -49,7 +50,7 @@ void Hub::publish(std::string_view topic, const json& params) {
   for (auto& s : found->second) {
     if (s.interval == Clock::duration::zero()) {
       if (!whole) whole = notification(known->first, params);
-      s.subscriber->offer(known->first, whole);
+      dropped_ += s.subscriber->offer(known->first, whole);
       continue;
     }
     if (s.held) {
@@ -59,7 +60,8 @@ void Hub::publish(std::string_view topic, const json& params) {
     }
     if (now - s.last < s.interval) continue;
     s.last = now;
-    s.subscriber->offer(known->first, notification(known->first, *std::exchange(s.held, std::nullopt)));
+    dropped_ +=
+        s.subscriber->offer(known->first, notification(known->first, *std::exchange(s.held, std::nullopt)));
   }
 }
 
@@ -69,13 +71,28 @@ void Hub::flush(std::string_view topic) {
   if (found == subscriptions_.end()) return;
   for (auto& s : found->second)
     if (s.held)
-      s.subscriber->offer(found->first, notification(found->first, *std::exchange(s.held, std::nullopt)));
+      dropped_ +=
+          s.subscriber->offer(found->first, notification(found->first, *std::exchange(s.held, std::nullopt)));
 }
 
 bool Hub::wanted(std::string_view topic) const {
   const std::scoped_lock lock(mutex_);
   const auto found = subscriptions_.find(topic);
   return found != subscriptions_.end() && !found->second.empty();
+}
+
+HubCounts Hub::counts() const {
+  const std::scoped_lock lock(mutex_);
+  HubCounts out;
+  std::set<const Subscriber*> boxes;
+  for (const auto& [name, topic] : topics_) out.subscribers[name] = 0;
+  for (const auto& [name, list] : subscriptions_)
+    for (const auto& s : list) {
+      ++out.subscribers[name];
+      if (boxes.insert(s.subscriber.get()).second) out.queued += s.subscriber->queued();
+    }
+  out.dropped = dropped_;
+  return out;
 }
 
 void Hub::subscribe(std::string_view topic, const std::shared_ptr<Subscriber>& subscriber,

@@ -27,6 +27,12 @@ struct Topic {
   std::function<void(nlohmann::json& held, const nlohmann::json& next)> merge = nullptr;
 };
 
+struct HubCounts {
+  std::map<std::string, std::size_t> subscribers;  // by topic
+  std::size_t queued = 0;                          // messages, over all outboxes
+  std::uint64_t dropped = 0;                       // ever
+};
+
 class Hub {
  public:
   void add_topic(Topic topic);  // before the first publish
@@ -38,6 +44,7 @@ class Hub {
   void flush(std::string_view topic);
   // Whether anybody listens: saves making a message that nobody gets.
   bool wanted(std::string_view topic) const;
+  HubCounts counts() const;
 
   // Again for the same topic: only the rate changes. Throws Error(not_found) for an unknown topic and
   // Error(invalid_params) for a rate on a topic that cannot merge.
@@ -58,6 +65,7 @@ class Hub {
 
   std::map<std::string, Topic, std::less<>> topics_;
   mutable std::mutex mutex_;
+  std::uint64_t dropped_ = 0;
   std::map<std::string, std::vector<Subscription>, std::less<>> subscriptions_;
 };
 

@@ -19,6 +19,7 @@ struct MethodInfo {
   std::string name;  // "area.verb"
   std::string doc;   // one sentence
   Role role = Role::view;
+  bool audited = false;  // kept account of although it only views; what controls or stops always is
   nlohmann::json result_schema =
       nullptr;  // only for a handler that returns raw JSON; otherwise made from its type
 };

@@ -23,9 +23,10 @@ void Subscriber::drop_for(const std::string& topic) {
   queue_.erase(victim);
 }
 
-void Subscriber::offer(const std::string& topic, Text text) {
+std::uint64_t Subscriber::offer(const std::string& topic, Text text) {
   const std::scoped_lock lock(mutex_);
-  if (closed_) return;
+  if (closed_) return 0;
+  const auto before = lost_since_taken_;
   while (!queue_.empty() && (queue_.size() >= limits_.messages || bytes_ + text->size() > limits_.bytes))
     drop_for(topic);
   if (text->size() > limits_.bytes) {
@@ -41,6 +42,12 @@ void Subscriber::offer(const std::string& topic, Text text) {
     queue_.clear();
   }
   wake_once();
+  return lost_since_taken_ - before;
+}
+
+std::size_t Subscriber::queued() const {
+  const std::scoped_lock lock(mutex_);
+  return queue_.size();
 }
 
 Subscriber::Text Subscriber::next() {

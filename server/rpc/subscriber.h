@@ -31,7 +31,9 @@ class Subscriber {
   // publisher's thread under a lock: it may only post to another thread.
   Subscriber(OutboxLimits limits, std::function<void()> wake);
 
-  void offer(const std::string& topic, Text text);
+  // How many messages had to go for it, or with it.
+  std::uint64_t offer(const std::string& topic, Text text);
+  std::size_t queued() const;
   // The next message to send, or null; after null, the next offer() wakes the transport again.
   Text next();
   // After this no message is taken and `wake` is never called again.

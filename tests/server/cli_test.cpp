@@ -59,7 +59,7 @@ TEST_F(Cli, HelpNamesEveryOptionOfTheFixedForms) {
       {{"fit"},
        {"RECORDING", "--table", "--calibrate", "--model", "--set", "--free", "--starts", "--seed", "--out"}},
       {{"call"}, {"METHOD", "JSON"}},
-      {{"serve"}, {"--port", "--address", "--allow-remote", "--host", "--token-file"}},
+      {{"serve"}, {"--port", "--address", "--allow-remote", "--host", "--token-file", "audit", "/metrics"}},
       {{"list"}, {"--format", "recovered"}},
       {{"recover"}, {"PATH", "recovered", "already_whole", "ferrobench recover creep.h5"}},
       {{"export"}, {"RECORDING", "--format", "--out"}},

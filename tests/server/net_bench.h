@@ -3,9 +3,12 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <thread>
 
 #include "server/net/server.h"
 #include "server/rpc/discover.h"
@@ -15,7 +18,8 @@ namespace ferrobench::server {
 
 class Bench {
  public:
-  explicit Bench(ServerOptions options = {});
+  // `also` may change what the server is given.
+  explicit Bench(ServerOptions options = {}, const std::function<void(Bench&, Content&)>& also = nullptr);
   ~Bench();
 
   std::uint16_t port() const { return server->port(); }
@@ -39,6 +43,9 @@ struct Reply {
   std::string body;
 };
 
+int connect_tcp(std::uint16_t port);
+void send_all(int fd, std::string_view text);
+std::string read_all(int fd);  // until the daemon closes
 // Sends the text as it is, and reads until the daemon closes.
 std::string raw_exchange(std::uint16_t port, const std::string& text);
 Reply parse_reply(const std::string& text);
@@ -51,5 +58,14 @@ struct Head {
   std::string body = R"({"jsonrpc":"2.0","method":"count","id":1})";
 };
 Reply http(const Bench& bench, const Head& head);
+
+// A frame as a browser sends it: `first` is FIN, reserved bits and opcode; masked.
+std::string frame(int first, std::string_view payload);
+
+template <class Condition>
+bool eventually(Condition condition) {
+  for (int i = 0; i < 1000 && !condition(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return condition();
+}
 
 }  // namespace ferrobench::server

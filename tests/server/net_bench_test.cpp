@@ -30,7 +30,7 @@ void describe(Visitor& visit, SleepParams& p) {
 
 }  // namespace
 
-Bench::Bench(ServerOptions options) {
+Bench::Bench(ServerOptions options, const std::function<void(Bench&, Content&)>& also) {
   static std::atomic<int> number{0};
   folder = std::filesystem::temp_directory_path() /
            ("ferrobench-" + std::to_string(getpid()) + "-" + std::to_string(++number));
@@ -40,6 +40,7 @@ Bench::Bench(ServerOptions options) {
 
   rpc.add<NoParams>({.name = "count", .doc = "counts", .role = Role::control},
                     [this](const NoParams&) -> nlohmann::json { return ++counted; });
+  rpc.add<NoParams>({.name = "stop", .doc = "is for everybody", .role = Role::stop}, [](const NoParams&) {});
   rpc.add<EchoParams>({.name = "echo", .doc = "gives back"}, [](const EchoParams& p) { return p.value; });
   rpc.add<SleepParams>({.name = "sleep", .doc = "takes its time"}, [](const SleepParams& p) {
     std::this_thread::sleep_for(std::chrono::duration<double>(p.seconds));
@@ -58,6 +59,8 @@ Bench::Bench(ServerOptions options) {
   options.unix_socket = socket_path();
   Content content;
   content.asset = [](std::string_view path) -> std::optional<Asset> {
+    static const std::string large(32u << 20, 'x');
+    if (path == "/large") return Asset{large, "text/plain"};
     if (path != "/") return std::nullopt;
     return Asset{"<!doctype html><title>bench</title>", "text/html; charset=utf-8"};
   };
@@ -65,6 +68,7 @@ Bench::Bench(ServerOptions options) {
     return name == "loop.h5" ? std::optional((folder / name).string()) : std::nullopt;
   };
   content.disconnected = [this](const CallContext&) { ++gone; };
+  if (also) also(*this, content);
   server = std::make_unique<Server>(rpc, hub, options, std::move(content));
 }
 
@@ -73,31 +77,56 @@ Bench::~Bench() {
   std::filesystem::remove_all(folder);
 }
 
-std::string raw_exchange(std::uint16_t port, const std::string& text) {
+int connect_tcp(std::uint16_t port) {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   EXPECT_EQ(connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  return fd;
+}
+
+void send_all(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = send(fd, text.data(), text.size(), MSG_NOSIGNAL);
+    if (n <= 0) break;
+    text.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+std::string read_all(int fd) {
   const timeval patience{.tv_sec = 20, .tv_usec = 0};
   setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
-  for (std::size_t sent = 0; sent < text.size();) {
-    const ssize_t n = send(fd, text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
-    if (n <= 0) break;
-    sent += static_cast<std::size_t>(n);
-  }
   std::string out;
   std::array<char, 4096> chunk{};
   while (true) {
     const ssize_t n = recv(fd, chunk.data(), chunk.size(), 0);
     if (n <= 0) {
       EXPECT_FALSE(n < 0 && errno == EAGAIN) << "the daemon never closed the connection";
-      break;
+      return out;
     }
     out.append(chunk.data(), static_cast<std::size_t>(n));
   }
+}
+
+std::string raw_exchange(std::uint16_t port, const std::string& text) {
+  const int fd = connect_tcp(port);
+  send_all(fd, text);
+  auto out = read_all(fd);
   close(fd);
+  return out;
+}
+
+std::string frame(int first, std::string_view payload) {
+  constexpr std::string_view mask = "\x12\x34\x56\x78";
+  std::string out(1, static_cast<char>(first));
+  const auto size = payload.size();
+  const int bytes = size < 126 ? 0 : size < 65536 ? 2 : 8;  // of the extended length
+  out += static_cast<char>(0x80 | (bytes == 0 ? static_cast<int>(size) : bytes == 2 ? 126 : 127));
+  for (int i = bytes - 1; i >= 0; --i) out += static_cast<char>(size >> (8 * i));
+  out += mask;
+  for (std::size_t i = 0; i < size; ++i) out += static_cast<char>(payload[i] ^ mask[i % 4]);
   return out;
 }
 

@@ -1,10 +1,12 @@
-// The door over HTTP: what is let in, what is refused and how, and what a refusal leaves undone.
+// The door over HTTP: replies, files, time-outs, limits. Who is refused stands in net_refusals_test.cpp.
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <unistd.h>
 
-#include <fstream>
 #include <thread>
 
 #include "net_bench.h"
+#include "server/net/client.h"
 
 namespace ferrobench::server {
 namespace {
@@ -13,189 +15,6 @@ using nlohmann::json;
 
 const std::string bearer = "Authorization: Bearer " + Bench::token + "\r\n";
 const std::string as_json = "Content-Type: application/json\r\n";
-const std::string upgrade =
-    "Upgrade: websocket\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n";
-
-struct Case {
-  const char* what;
-  Head head;
-  int status;
-  const char* name;  // of the refusal, "" if it is let in
-  const char* says;  // part of the message
-};
-
-// PORT stands for the daemon's own port.
-std::vector<Case> cases() {
-  return {
-      {"proper", {}, 200, "", ""},
-      {"by name", {.host = "localhost:PORT"}, 200, "", ""},
-      {"by upper-case name", {.host = "LocalHost:PORT"}, 200, "", ""},
-      {"by IPv6", {.host = "[::1]:PORT"}, 200, "", ""},
-      {"own page", {.headers = bearer + as_json + "Origin: http://127.0.0.1:PORT\r\n"}, 200, "", ""},
-      {"charset", {.headers = bearer + "Content-Type: application/json; charset=utf-8\r\n"}, 200, "", ""},
-      {"cookie", {.headers = as_json + "Cookie: a=b; ferrobench_PORT=" + Bench::token + "\r\n"}, 200, "", ""},
-
-      {"rebound name", {.host = "evil.example:PORT"}, 403, "unauthorized", "Host"},
-      {"no port", {.host = "127.0.0.1"}, 403, "unauthorized", "Host"},
-      {"other port", {.host = "127.0.0.1:1"}, 403, "unauthorized", "Host"},
-      {"two hosts", {.headers = bearer + as_json + "Host: evil.example\r\n"}, 403, "unauthorized", "Host"},
-      {"prefix of host", {.host = "127.0.0.1:PORT.evil.example"}, 403, "unauthorized", "Host"},
-
-      {"other site",
-       {.headers = bearer + as_json + "Origin: http://evil.example\r\n"},
-       403,
-       "unauthorized",
-       "Origin"},
-      {"other port's page",
-       {.headers = bearer + as_json + "Origin: http://127.0.0.1:1\r\n"},
-       403,
-       "unauthorized",
-       "Origin"},
-      {"no origin's page", {.headers = bearer + as_json + "Origin: null\r\n"}, 403, "unauthorized", "Origin"},
-      {"https origin",
-       {.headers = bearer + as_json + "Origin: https://127.0.0.1:PORT\r\n"},
-       403,
-       "unauthorized",
-       "Origin"},
-
-      {"no token", {.headers = as_json}, 401, "unauthorized", "token"},
-      {"wrong token",
-       {.headers = as_json + "Authorization: Bearer " + std::string(64, 'a') + "\r\n"},
-       401,
-       "unauthorized",
-       "token"},
-      {"short token", {.headers = as_json + "Authorization: Bearer a\r\n"}, 401, "unauthorized", "token"},
-      {"basic",
-       {.headers = as_json + "Authorization: Basic " + Bench::token + "\r\n"},
-       401,
-       "unauthorized",
-       "token"},
-      {"wrong cookie", {.headers = as_json + "Cookie: ferrobench_PORT=a\r\n"}, 401, "unauthorized", "token"},
-      {"other daemon's cookie",
-       {.headers = as_json + "Cookie: ferrobench_1=" + Bench::token + "\r\n"},
-       401,
-       "unauthorized",
-       "token"},
-      {"token in the address of /rpc",
-       {.target = "/rpc?token=" + Bench::token, .headers = as_json},
-       401,
-       "unauthorized",
-       "token"},
-      {"page without token",
-       {.method = "GET", .target = "/", .headers = "", .body = ""},
-       401,
-       "unauthorized",
-       "token"},
-      {"page with wrong token",
-       {.method = "GET", .target = "/?token=a", .headers = "", .body = ""},
-       401,
-       "unauthorized",
-       "token"},
-      {"recording without token",
-       {.method = "GET", .target = "/recordings/loop.h5", .headers = "", .body = ""},
-       401,
-       "unauthorized",
-       "token"},
-
-      {"a form's type",
-       {.headers = bearer + "Content-Type: text/plain\r\n"},
-       415,
-       "invalid_params",
-       "content type"},
-      {"no type", {.headers = bearer}, 415, "invalid_params", "content type"},
-      {"type in a parameter",
-       {.headers = bearer + "Content-Type: text/plain; application/json\r\n"},
-       415,
-       "invalid_params",
-       "content type"},
-
-      {"put", {.method = "PUT"}, 405, "invalid_params", "PUT"},
-      {"preflight", {.method = "OPTIONS", .body = ""}, 405, "invalid_params", "OPTIONS"},
-      {"unknown method", {.method = "BREW"}, 405, "invalid_params", "BREW"},
-      {"post to the page", {.target = "/"}, 405, "invalid_params", "POST"},
-      {"post to a recording", {.target = "/recordings/loop.h5"}, 405, "invalid_params", "POST"},
-
-      {"get without upgrade", {.method = "GET", .body = ""}, 426, "invalid_params", "WebSocket"},
-      {"no such page", {.method = "GET", .target = "/nothing", .body = ""}, 404, "not_found", "path"},
-      {"no such recording",
-       {.method = "GET", .target = "/recordings/nothing", .body = ""},
-       404,
-       "not_found",
-       "recording"},
-      {"up and away",
-       {.method = "GET", .target = "/recordings/../token", .body = ""},
-       400,
-       "invalid_params",
-       "path"},
-      {"up and away, encoded",
-       {.method = "GET", .target = "/recordings/%2e%2e/token", .body = ""},
-       400,
-       "invalid_params",
-       "path"},
-      {"encoded slash",
-       {.method = "GET", .target = "/recordings/a%2fb", .body = ""},
-       400,
-       "invalid_params",
-       "path"},
-      {"encoded zero", {.method = "GET", .target = "/a%00", .body = ""}, 400, "invalid_params", "path"},
-      {"broken encoding", {.method = "GET", .target = "/a%4", .body = ""}, 400, "invalid_params", "path"},
-      {"absolute target",
-       {.method = "GET", .target = "http://evil.example/", .body = ""},
-       400,
-       "invalid_params",
-       "path"},
-
-      {"socket from another site",
-       {.method = "GET", .headers = bearer + upgrade + "Origin: http://evil.example\r\n", .body = ""},
-       403,
-       "unauthorized",
-       "Origin"},
-      {"socket without token",
-       {.method = "GET", .headers = upgrade, .body = ""},
-       401,
-       "unauthorized",
-       "token"},
-      {"long head",
-       {.headers = bearer + as_json + "X: " + std::string(20'000, 'x') + "\r\n"},
-       431,
-       "invalid_params",
-       "head"},
-      {"long body", {.body = std::string(5u << 20, ' ')}, 413, "invalid_params", "too long"},
-  };
-}
-
-std::string with_port(std::string text, std::uint16_t port) {
-  for (auto at = text.find("PORT"); at != std::string::npos; at = text.find("PORT"))
-    text.replace(at, 4, std::to_string(port));
-  return text;
-}
-
-TEST(NetHttp, RefusalTable) {
-  Bench bench;
-  int let_in = 0;
-  for (auto& c : cases()) {
-    SCOPED_TRACE(c.what);
-    c.head.host = with_port(c.head.host, bench.port());
-    c.head.headers = with_port(c.head.headers, bench.port());
-    const auto reply = http(bench, c.head);
-    EXPECT_EQ(reply.status, c.status) << reply.body;
-    const auto body = json::parse(reply.body, nullptr, false);
-    ASSERT_TRUE(body.is_object()) << reply.body;
-    if (c.status == 200) {
-      ++let_in;
-      EXPECT_EQ(body["result"], let_in);
-    } else {
-      EXPECT_EQ(body["name"], c.name);
-      EXPECT_NE(body["message"].get<std::string>().find(c.says), std::string::npos) << body;
-      EXPECT_FALSE(body["hint"].get<std::string>().empty());
-      EXPECT_EQ(reply.headers.count("Access-Control-Allow-Origin"), 0u);
-      EXPECT_EQ(reply.headers.count("Set-Cookie"), 0u);
-    }
-    EXPECT_EQ(bench.counted, let_in) << "a refused request changed something";
-  }
-  EXPECT_EQ(let_in, 7);
-}
-
 TEST(NetHttp, SaysWhatIsAllowed) {
   Bench bench;
   EXPECT_EQ(http(bench, {.method = "PUT"}).headers["Allow"], "GET, POST");
@@ -308,23 +127,69 @@ TEST(NetHttp, RecordingInRanges) {
   EXPECT_EQ(get("lines=1-2").status, 200);
 }
 
-TEST(NetHttp, SlowHeadIsGivenUp) {
-  ServerOptions options;
-  options.header_timeout = std::chrono::milliseconds(200);
-  Bench bench(options);
+// Sends the rest a byte at a time and far too slowly, and says what came back. A deadline that each byte put
+// off would let it go on for half an hour.
+std::string drip(const Bench& bench, const std::string& at_once, const std::string& slowly) {
+  const int fd = connect_tcp(bench.port());
+  send_all(fd, at_once);
   const auto start = std::chrono::steady_clock::now();
-  const auto reply = parse_reply(raw_exchange(bench.port(), "POST /rpc HTTP/1.1\r\nHost: "));
-  EXPECT_TRUE(reply.status == 408 || reply.status == 0) << reply.status;
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
+  for (std::size_t at = 0; std::chrono::steady_clock::now() - start < std::chrono::seconds(10); ++at) {
+    send_all(fd, std::string_view(slowly).substr(at % slowly.size(), 1));
+    pollfd item{.fd = fd, .events = POLLIN, .revents = 0};
+    if (poll(&item, 1, 20) > 0) break;
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5)) << "it is still waiting";
+  auto out = read_all(fd);
+  close(fd);
+  return out;
 }
 
-TEST(NetHttp, SlowBodyIsGivenUp) {
+TEST(NetHttp, SlowClientsAreGivenUp) {
   ServerOptions options;
-  options.body_timeout = std::chrono::milliseconds(200);
+  options.header_timeout = options.body_timeout = std::chrono::milliseconds(300);
   Bench bench(options);
-  raw_exchange(bench.port(), "POST /rpc HTTP/1.1\r\nHost: " + bench.host() + "\r\n" + bearer + as_json +
-                                 "Content-Length: 50\r\n\r\n{");
+  const auto start = "POST /rpc HTTP/1.1\r\nHost: " + bench.host() + "\r\n" + bearer + as_json;
+  const std::vector<std::tuple<const char*, std::string, std::string>> slow{
+      {"the head", "P", "OST /rpc HTTP/1.1\r\n"},
+      {"a field", start, "X: yyyyyyyy"},
+      {"fields without end", start, "X: y\r\n"},
+      {"the body", start + "Content-Length: 50000\r\n\r\n", " "},
+      {"chunks", start + "Transfer-Encoding: chunked\r\n\r\n", "1\r\n \r\n"},
+      {"a chunk", start + "Transfer-Encoding: chunked\r\n\r\nffff\r\n", " "},
+      {"empty lines", "", "\r\n"}};
+  for (const auto& [what, at_once, slowly] : slow) {
+    SCOPED_TRACE(what);
+    const auto status = parse_reply(drip(bench, at_once, slowly)).status;
+    EXPECT_TRUE(status == 0 || status == 400) << status;
+  }
   EXPECT_EQ(bench.counted, 0);
+}
+
+TEST(NetHttp, SilentClientsAreGivenUp) {
+  ServerOptions options;
+  options.header_timeout = options.body_timeout = std::chrono::milliseconds(200);
+  Bench bench(options);
+  const std::string body = R"({"jsonrpc":"2.0","method":"count","id":1})";
+  const auto head = "POST /rpc HTTP/1.1\r\nHost: " + bench.host() + "\r\n" + bearer + as_json;
+  EXPECT_EQ(raw_exchange(bench.port(), ""), "");
+  EXPECT_EQ(raw_exchange(bench.port(), head), "");
+  EXPECT_EQ(raw_exchange(bench.port(), head + "Content-Length: 50\r\n\r\n{"), "");
+  EXPECT_EQ(bench.counted, 0);
+  const auto kept =
+      raw_exchange(bench.port(), head + "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
+  EXPECT_EQ(parse_reply(kept).status, 200) << "it closes after the reply, not instead of it";
+}
+
+TEST(NetHttp, ClientThatDoesNotTakeItsReplyIsGivenUp) {
+  ServerOptions options;
+  options.reply_timeout = std::chrono::milliseconds(300);
+  options.max_connections = 1;
+  Bench bench(options);
+  const int fd = connect_tcp(bench.port());
+  send_all(fd, "GET /large HTTP/1.1\r\nHost: " + bench.host() + "\r\n" + bearer + "\r\n");
+  EXPECT_TRUE(eventually([&] { return http(bench, {}).status == 503; }));
+  EXPECT_TRUE(eventually([&] { return http(bench, {}).status == 200; }));
+  close(fd);
 }
 
 TEST(NetHttp, GarbageIsRefused) {
@@ -346,6 +211,8 @@ TEST(NetHttp, FullHouseSaysSo) {
   EXPECT_EQ(reply.status, 503);
   EXPECT_EQ(json::parse(reply.body)["name"], "busy");
   EXPECT_EQ(bench.counted, 0);
+  EXPECT_EQ(Client::connect(bench.socket_path()).call("count"), 1)
+      << "strangers keep the owner from his bench";
   for (auto& guest : guests) guest.join();
   EXPECT_EQ(http(bench, {}).status, 200);
 }

@@ -58,12 +58,6 @@ class Browser {
   websocket::stream<tcp::socket> socket_;
 };
 
-template <class Condition>
-bool eventually(Condition condition) {
-  for (int i = 0; i < 1000 && !condition(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  return condition();
-}
-
 const std::string subscribe = R"({"jsonrpc":"2.0","method":"subscribe","params":{"topic":"samples"},"id":1})";
 
 TEST(NetWebSocket, SameMethodsAndNotifications) {
