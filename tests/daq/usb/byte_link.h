@@ -81,7 +81,7 @@ class ByteLink final : public Link {
       constexpr std::byte rest[] = {std::byte{0}, std::byte{0x80}, std::byte{0}, std::byte{0x80},
                                     std::byte{0}, std::byte{0x80}, std::byte{0}, std::byte{0xC0}};
       const bool wild = draw() > 240;
-      for (std::size_t i = 0; i < buffer.size(); ++i)
+      for (std::size_t i = 0; i < std::min(actual, buffer.size()); ++i)
         buffer[i] = wild ? static_cast<std::byte>(draw()) : rest[i % 8];
       out.push_back({token, status(), actual});
     }
