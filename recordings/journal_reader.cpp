@@ -148,7 +148,10 @@ JournalReader open_begun(const std::string& path) {
 }  // namespace
 
 Recording read_journal(const std::string& path) {
-  const auto journal = open_begun(path);
+  return read_journal(open_begun(path), path);
+}
+
+Recording read_journal(const JournalReader& journal, const std::string& path) {
   const auto& begin = journal.begin();
   auto [status, reason, end_time] = state_of(journal);
   Recording r;
@@ -178,7 +181,10 @@ Recording read_journal(const std::string& path) {
 }
 
 Summary summarize_journal(const std::string& path) {
-  const auto journal = open_begun(path);
+  return summarize_journal(open_begun(path), path);
+}
+
+Summary summarize_journal(const JournalReader& journal, const std::string& path) {
   auto [status, reason, end_time] = state_of(journal);
   return {.header = journal.begin().header,
           .path = path,

@@ -65,6 +65,8 @@ bool is_journal(const std::string& path);
 // A journal as a recording: status "running", or what its end says. Error(bad_recording) where its values
 // make none.
 Recording read_journal(const std::string& path);
+Recording read_journal(const JournalReader& journal, const std::string& path);
 Summary summarize_journal(const std::string& path);
+Summary summarize_journal(const JournalReader& journal, const std::string& path);
 
 }  // namespace ferrobench::recordings

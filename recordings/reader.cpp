@@ -7,6 +7,7 @@
 #include "recordings/hdf5_input.h"
 #include "recordings/journal_reader.h"
 #include "recordings/journal_writer.h"
+#include "recordings/read_apart.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -184,6 +185,8 @@ std::string read_reason(const Input& in) {
   return in.text_attribute("/entry", "reason").value_or("");
 }
 
+}  // namespace
+
 Recording read_hdf5(const std::string& path) {
   const Input in(path);
   Recording r;
@@ -203,6 +206,8 @@ Recording read_hdf5(const std::string& path) {
   r.raw = read_raw(in, rows);
   return r;
 }
+
+namespace {
 
 Summary summarize_hdf5(const std::string& path) {
   const Input in(path);
@@ -237,11 +242,21 @@ auto read_either(const std::string& path, FromFile&& from_file, FromJournal&& fr
 }  // namespace
 
 Recording read_recording(const std::string& path) {
-  return read_either(path, read_hdf5, read_journal);
+  return read_either(
+      path,
+      [](const std::string& file) {
+        return has_checksums(file) ? read_hdf5(file) : read_journal(read_apart(file), file);
+      },
+      [](const std::string& journal) { return read_journal(journal); });
 }
 
 Summary read_summary(const std::string& path) {
-  return read_either(path, summarize_hdf5, summarize_journal);
+  return read_either(
+      path,
+      [](const std::string& file) {
+        return has_checksums(file) ? summarize_hdf5(file) : summarize_journal(read_apart(file), file);
+      },
+      [](const std::string& journal) { return summarize_journal(journal); });
 }
 
 }  // namespace ferrobench::recordings
