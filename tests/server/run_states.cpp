@@ -62,7 +62,7 @@ class Client {
   }
 
   void work(std::size_t steps) {
-    for (std::size_t i = 0; i < steps; ++i) {
+    while (asks.size() < steps) {
       step();
       if (below(2) == 0) usleep(static_cast<useconds_t>(below(6000)));
     }
