@@ -4,6 +4,7 @@
 
 #include <boost/asio/ssl/context.hpp>
 #include <cerrno>
+#include <system_error>
 
 namespace ferrobench::server {
 namespace {
