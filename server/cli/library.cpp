@@ -1,12 +1,15 @@
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 
 #include "protocols/protocol.h"
 #include "server/cli/link.h"
+#include "server/net/token.h"
 
 namespace ferrobench::cli {
 
 using nlohmann::json;
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -124,21 +127,31 @@ void add_model(CLI::App& app, Common& common) {
 
 void add_call(CLI::App& app, Common& common) {
   struct Call {
-    std::string method, params = "{}";
+    std::string method, params = "{}", url, ca, token_file;
   };
   auto* sub = app.add_subcommand("call", "One JSON-RPC call to the running daemon; prints the result");
   auto o = std::make_shared<Call>();
   sub->add_option("METHOD", o->method, "rpc.discover describes them all")->required();
   sub->add_option("JSON", o->params, "parameters, by name or position")->capture_default_str();
+  auto* url = sub->add_option("--url", o->url, "a daemon on another machine, https://HOST:PORT");
+  sub->add_option("--ca", o->ca, "PEM file to trust it by; default: what the system trusts")
+      ->type_name("FILE")
+      ->needs(url);
+  sub->add_option("--token-file", o->token_file,
+                  "its token, mode 0600; default: ~/.local/state/ferrobench/token")
+      ->type_name("FILE")
+      ->needs(url);
   sub->footer(
       "Examples:\n"
       "  ferrobench call run.status\n"
-      "  ferrobench call run.start '{\"protocol\": \"full-loops\", \"fast\": true}'");
+      "  ferrobench call run.start '{\"protocol\": \"full-loops\", \"fast\": true}'\n"
+      "  ferrobench call --url https://bench.lab:8377 --ca bench.pem --token-file bench.token run.status");
   sub->callback([o, &common] {
     common.action = [o, &common] {
-      auto client = server::Client::connect(common.socket_path());
-      return print(
-          client.call(o->method, parse_json_text(o->params, ErrorCode::invalid_params, "the parameters")));
+      const auto params = parse_json_text(o->params, ErrorCode::invalid_params, "the parameters");
+      if (o->url.empty()) return print(server::Client::connect(common.socket_path()).call(o->method, params));
+      const auto file = o->token_file.empty() ? server::state_folder() / "token" : fs::path(o->token_file);
+      return print(server::call_remote({o->url, o->ca, server::load_token(file)}, o->method, params));
     };
   });
 }

@@ -100,7 +100,8 @@ int serve(const ServeOptions& o, const Common& common) {
       .metrics = [&audit, &metrics](const server::Load& load) { return metrics.text(load, audit.lost()); }};
   server::Server door(rpc, hub, options, std::move(content));
 
-  const auto address = "http://" + options.address + ":" + std::to_string(door.port());
+  const auto address = (options.tls_certificate.empty() ? "http://" : "https://") + options.address + ":" +
+                       std::to_string(door.port());
   std::cout << "ferrobench is listening\n"
             << "  page      " << address << "/?token=" << (writes_to_journal() ? "TOKEN" : options.token)
             << '\n'
@@ -124,8 +125,10 @@ void add_serve(CLI::App& app, Common& common) {
   auto o = std::make_shared<ServeOptions>();
   sub->add_option("--port", o->net.port, "TCP port; 0: any free one")->capture_default_str();
   sub->add_option("--address", o->net.address, "numeric address to listen at")->capture_default_str();
-  sub->add_flag("--allow-remote", o->net.allow_remote,
-                "allow an address other than loopback (no TLS: use a tunnel)");
+  sub->add_option("--tls-certificate", o->net.tls_certificate,
+                  "PEM file of the daemon's certificate; needed beyond loopback")
+      ->type_name("FILE");
+  sub->add_option("--tls-key", o->net.tls_key, "PEM file of its key")->type_name("FILE");
   sub->add_option("--host", o->net.extra_hosts, "a name that other machines reach it by; again for more")
       ->type_name("NAME")
       ->expected(1)
@@ -141,7 +144,9 @@ void add_serve(CLI::App& app, Common& common) {
       "refusals.jsonl, a line of JSON each, at most 80 MiB of either. GET /metrics is for Prometheus.\n"
       "Examples:\n"
       "  ferrobench serve\n"
-      "  ferrobench serve --port 0 --data /tmp/bench");
+      "  ferrobench serve --port 0 --data /tmp/bench\n"
+      "  ferrobench serve --address 0.0.0.0 --host bench.lab --tls-certificate bench.pem --tls-key "
+      "bench.key");
   sub->callback([o, &common] { common.action = [o, &common] { return serve(*o, common); }; });
 }
 

@@ -85,13 +85,14 @@ nlohmann::json Refusal::body() const {
   return {{"name", entry(code).name}, {"message", message}, {"hint", hint}};
 }
 
-Admission::Admission(std::string token, std::uint16_t port, const std::vector<std::string>& extra_hosts)
-    : token_(std::move(token)), port_(port) {
+Admission::Admission(std::string token, std::uint16_t port, const std::vector<std::string>& extra_hosts,
+                     bool tls)
+    : token_(std::move(token)), port_(port), tls_(tls) {
   std::vector<std::string> names{"127.0.0.1", "localhost", "[::1]"};
   for (const auto& host : extra_hosts) names.push_back(lower(host));
   for (const auto& name : names) {
     hosts_.push_back(name + ":" + std::to_string(port));
-    if (port == 80) hosts_.push_back(name);
+    if (port == (tls ? 443 : 80)) hosts_.push_back(name);
   }
 }
 
@@ -100,7 +101,7 @@ std::string Admission::cookie_name() const {
 }
 
 std::string Admission::cookie() const {
-  return cookie_name() + "=" + token_ + "; Path=/; HttpOnly; SameSite=Strict";
+  return cookie_name() + "=" + token_ + "; Path=/; HttpOnly; SameSite=Strict" + (tls_ ? "; Secure" : "");
 }
 
 bool Admission::shows_token(const RequestHead& head, std::string_view query) const {
@@ -119,8 +120,9 @@ std::variant<Admitted, Refusal> Admission::admit(const RequestHead& head) const 
                    "the Host header names no host of this daemon",
                    "call it as 127.0.0.1:" + std::to_string(port_) + ", or start it with the name allowed",
                    {}};
-  if (head.origin &&
-      (!head.origin->starts_with("http://") || !contains(hosts_, lower(head.origin->substr(7)))))
+  const std::string_view scheme = tls_ ? "https://" : "http://";
+  if (head.origin && (!head.origin->starts_with(scheme) ||
+                      !contains(hosts_, lower(std::string_view(*head.origin).substr(scheme.size())))))
     return Refusal{403,
                    ErrorCode::unauthorized,
                    "the Origin header names another site",

@@ -50,7 +50,8 @@ struct Refusal {
 class Admission {
  public:
   // Beside the loopback names, `extra_hosts` (without port) are allowed.
-  Admission(std::string token, std::uint16_t port, const std::vector<std::string>& extra_hosts);
+  Admission(std::string token, std::uint16_t port, const std::vector<std::string>& extra_hosts,
+            bool tls = false);
 
   std::variant<Admitted, Refusal> admit(const RequestHead& head) const;
   // What the page keeps instead of the token in its address. Cookies do not tell ports apart, hence the name.
@@ -62,6 +63,7 @@ class Admission {
 
   std::string token_;
   std::uint16_t port_;
+  bool tls_;
   std::vector<std::string> hosts_;  // "name:port", lower case
 };
 

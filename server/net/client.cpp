@@ -1,5 +1,6 @@
 #include "server/net/client.h"
 
+#include <curl/curl.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -7,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <memory>
 #include <system_error>
 #include <utility>
 
@@ -163,6 +165,62 @@ std::optional<Notification> Client::next(std::chrono::milliseconds timeout) {
   auto first = std::move(waiting_.front());
   waiting_.pop_front();
   return first;
+}
+
+namespace {
+
+std::size_t keep(const char* data, std::size_t, std::size_t size, std::string* into) {
+  if (into->size() + size > max_reply) return 0;
+  into->append(data, size);
+  return size;
+}
+
+[[noreturn]] void unreachable(const Remote& remote, const std::string& why) {
+  throw Error(
+      ErrorCode::io_error, "the daemon cannot be reached",
+      Problem{.path = "/url",
+              .message = why,
+              .given = remote.url,
+              .hint = "check address and port, and name its certificate (--ca) if it signed that itself"});
+}
+
+}  // namespace
+
+json call_remote(const Remote& remote, const std::string& method, const json& params) {
+  if (!remote.url.starts_with("https://"))
+    throw Error(ErrorCode::invalid_params, "the token may not go over the network in plain text",
+                Problem{.path = "/url", .given = remote.url, .hint = "an address that begins with https://"});
+  const std::unique_ptr<CURL, void (*)(CURL*)> curl(curl_easy_init(), curl_easy_cleanup);
+  if (!curl) unreachable(remote, "libcurl cannot start");
+  std::unique_ptr<curl_slist, void (*)(curl_slist*)> fields(nullptr, curl_slist_free_all);
+  for (const auto& field :
+       {"Authorization: Bearer " + remote.token, std::string("Content-Type: application/json")})
+    fields.reset(curl_slist_append(fields.release(), field.c_str()));
+  const auto url = remote.url.substr(0, remote.url.find_last_not_of('/') + 1) + "/rpc";
+  const auto request = json{{"jsonrpc", "2.0"}, {"method", method}, {"params", params}, {"id", 1}}.dump(
+      -1, ' ', false, json::error_handler_t::replace);
+  std::string text;
+  curl_easy_setopt(curl.get(), CURLOPT_URL, url.c_str());
+  curl_easy_setopt(curl.get(), CURLOPT_PROTOCOLS_STR, "https");
+  curl_easy_setopt(curl.get(), CURLOPT_SSLVERSION, CURL_SSLVERSION_TLSv1_2);
+  if (!remote.ca.empty()) curl_easy_setopt(curl.get(), CURLOPT_CAINFO, remote.ca.c_str());
+  curl_easy_setopt(curl.get(), CURLOPT_HTTPHEADER, fields.get());
+  curl_easy_setopt(curl.get(), CURLOPT_POSTFIELDS, request.c_str());
+  curl_easy_setopt(curl.get(), CURLOPT_POSTFIELDSIZE, static_cast<long>(request.size()));
+  curl_easy_setopt(curl.get(), CURLOPT_CONNECTTIMEOUT, 15L);
+  curl_easy_setopt(curl.get(), CURLOPT_TIMEOUT, 600L);
+  curl_easy_setopt(curl.get(), CURLOPT_NOSIGNAL, 1L);
+  curl_easy_setopt(curl.get(), CURLOPT_WRITEFUNCTION, keep);
+  curl_easy_setopt(curl.get(), CURLOPT_WRITEDATA, &text);
+  if (const auto failure = curl_easy_perform(curl.get()); failure != CURLE_OK)
+    unreachable(remote, curl_easy_strerror(failure));
+  const auto reply = json::parse(text, nullptr, false);
+  if (!reply.is_object()) unreachable(remote, "what answers there is no daemon");
+  if (reply.contains("error")) throw error_of(reply["error"]);
+  if (!reply.contains("result"))
+    throw Error(code_of(0, text_at(reply, "name")), text_at(reply, "message"),
+                Problem{.hint = text_at(reply, "hint")});
+  return reply["result"];
 }
 
 }  // namespace ferrobench::server

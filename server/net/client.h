@@ -47,4 +47,16 @@ class Client {
   std::deque<Notification> waiting_;
 };
 
+// A daemon on another machine.
+struct Remote {
+  std::string url;  // "https://bench.lab:8377"
+  std::string ca;   // PEM file of the certificate that its own is signed by, or of its own; "": the system's
+  std::string token;  // of that daemon
+};
+
+// One call by HTTPS; errors as those of Client::call(). Error(invalid_params) for an address that would carry
+// the token in plain text, Error(unauthorized) where the daemon refuses, Error(io_error) where it cannot be
+// reached or trusted.
+nlohmann::json call_remote(const Remote& remote, const std::string& method, const nlohmann::json& params);
+
 }  // namespace ferrobench::server

@@ -1,11 +1,13 @@
 #include <sys/stat.h>
 
 #include <boost/asio/buffer.hpp>
+#include <boost/beast/core/detect_ssl.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <filesystem>
+#include <type_traits>
 #include <utility>
 
 #include "server/net/file_range.h"
@@ -42,13 +44,16 @@ bool asks_for_websocket(const http::request_header<>& request) {
          value_of(request, field::sec_websocket_key).size() == 24;
 }
 
-class HttpSession final : public Session, public std::enable_shared_from_this<HttpSession> {
+// Stream: PlainStream or TlsStream.
+template <class Stream>
+class HttpSession final : public Session, public std::enable_shared_from_this<HttpSession<Stream>> {
  public:
-  HttpSession(Service& service, boost::asio::ip::tcp::socket socket)
-      : Session(service), stream_(std::move(socket)), context_(std::make_shared<CallContext>()) {
+  HttpSession(Service& service, Stream stream)
+      : Session(service), stream_(std::move(stream)), context_(std::make_shared<CallContext>()) {
     error_code gone;
-    const auto peer = stream_.socket().remote_endpoint(gone);
-    context_->client = "http " + peer.address().to_string() + " port " + std::to_string(peer.port());
+    const auto peer = tcp().socket().remote_endpoint(gone);
+    context_->client =
+        (is_tls ? "https " : "http ") + peer.address().to_string() + " port " + std::to_string(peer.port());
   }
 
   void start(bool full) {
@@ -63,25 +68,37 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     read_head();
   }
 
+  // Somebody speaks plainly where TLS is asked for.
+  void refuse_plain() {
+    refuse({400,
+            ErrorCode::unauthorized,
+            "this port speaks TLS only",
+            "use https:// (wss:// for a WebSocket) and trust the daemon's certificate",
+            {}});
+  }
+
   void stop() override {
     keep_open_ = false;
-    if (idle_) stream_.cancel();
+    if (idle_) tcp().cancel();
   }
 
  private:
+  static constexpr bool is_tls = std::is_same_v<Stream, TlsStream>;
   using Request = http::request_parser<http::string_body>;
+
+  auto self() { return this->shared_from_this(); }
+  PlainStream& tcp() { return beast::get_lowest_layer(stream_); }
 
   void read_head() {
     parser_.emplace();
     parser_->header_limit(static_cast<std::uint32_t>(service_.options.max_header_bytes));
     parser_->body_limit(service_.options.max_body_bytes);
     idle_ = true;
-    stream_.expires_after(service_.options.header_timeout);
-    http::async_read_header(stream_, buffer_, *parser_,
-                            [self = shared_from_this()](error_code ec, std::size_t) {
-                              self->idle_ = false;
-                              self->on_head(ec);
-                            });
+    tcp().expires_after(service_.options.header_timeout);
+    http::async_read_header(stream_, buffer_, *parser_, [self = self()](error_code ec, std::size_t) {
+      self->idle_ = false;
+      self->on_head(ec);
+    });
   }
 
   // Whether reading went well; otherwise the client is told what it did wrong. One that takes too long is
@@ -151,27 +168,27 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   }
 
   void read_body() {
-    stream_.expires_after(service_.options.body_timeout);
-    auto self = shared_from_this();
+    tcp().expires_after(service_.options.body_timeout);
+    auto me = self();
     if (beast::iequals(parser_->get()[field::expect], "100-continue")) {
       auto go_on = std::make_shared<http::response<http::empty_body>>(http::status::continue_, 11);
-      return http::async_write(stream_, *go_on, [self, go_on](error_code ec, std::size_t) {
-        if (!ec) self->read_rest();
+      return http::async_write(stream_, *go_on, [me, go_on](error_code ec, std::size_t) {
+        if (!ec) me->read_rest();
       });
     }
     read_rest();
   }
 
   void read_rest() {
-    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](error_code ec, std::size_t) {
+    http::async_read(stream_, buffer_, *parser_, [self = self()](error_code ec, std::size_t) {
       if (self->received(ec)) self->call();
     });
   }
 
   void call() {
-    stream_.expires_never();
+    tcp().expires_never();
     service_.call(std::move(parser_->get().body()), context_,
-                  [self = shared_from_this()](std::optional<std::string> reply) {
+                  [self = self()](std::optional<std::string> reply) {
                     if (reply) {
                       self->send_text(http::status::ok, "application/json", std::move(*reply));
                     } else {
@@ -202,10 +219,10 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
 
   void send_metrics() {
     if (!service_.content.metrics) return refuse_path();
-    stream_.expires_never();
+    tcp().expires_never();
     const Load load{service_.sessions.size(), service_.calls_waiting};
     service_.run([&metrics = service_.content.metrics, load] { return metrics(load); },
-                 [self = shared_from_this()](std::string text) {
+                 [self = self()](std::string text) {
                    self->send_text(http::status::ok, "text/plain; version=0.0.4; charset=utf-8",
                                    std::move(text));
                  });
@@ -292,32 +309,38 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     response.keep_alive(keep_open_);
     response.prepare_payload();
     auto message = std::make_shared<http::response<Body>>(std::move(response));
-    stream_.expires_after(service_.options.reply_timeout + more);
-    http::async_write(stream_, *message, [self = shared_from_this(), message](error_code ec, std::size_t) {
+    tcp().expires_after(service_.options.reply_timeout + more);
+    http::async_write(stream_, *message, [self = self(), message](error_code ec, std::size_t) {
       if (ec) return;
       if (self->keep_open_) return self->read_head();
       self->linger();
     });
   }
 
-  // Closing with unread bytes would cost the client the reply: take what still comes, for a moment.
   void linger() {
+    tcp().expires_after(linger_timeout);
+    if constexpr (is_tls) {
+      stream_.async_shutdown([self = self()](error_code) { self->half_close(); });
+    } else {
+      half_close();
+    }
+  }
+
+  // Closing with unread bytes would cost the client the reply: take what still comes, for a moment.
+  void half_close() {
     error_code ignored;
-    stream_.socket().shutdown(boost::asio::ip::tcp::socket::shutdown_send, ignored);
-    stream_.expires_after(linger_timeout);
+    tcp().socket().shutdown(boost::asio::ip::tcp::socket::shutdown_send, ignored);
     drain(0);
   }
 
   void drain(std::size_t seen) {
     buffer_.clear();
-    stream_.async_read_some(buffer_.prepare(16u << 10),
-                            [self = shared_from_this(), seen](error_code ec, std::size_t n) {
-                              if (!ec && seen + n < linger_bytes && !self->service_.stopping)
-                                self->drain(seen + n);
-                            });
+    tcp().async_read_some(buffer_.prepare(16u << 10), [self = self(), seen](error_code ec, std::size_t n) {
+      if (!ec && seen + n < linger_bytes && !self->service_.stopping) self->drain(seen + n);
+    });
   }
 
-  beast::tcp_stream stream_;
+  Stream stream_;
   beast::flat_buffer buffer_;
   std::optional<Request> parser_;
   std::shared_ptr<CallContext> context_;
@@ -325,10 +348,45 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   bool idle_ = false;  // waits for a request
 };
 
+// A connection to the port that speaks TLS, until it does.
+class Greeting final : public Session, public std::enable_shared_from_this<Greeting> {
+ public:
+  Greeting(Service& service, PlainStream stream) : Session(service), stream_(std::move(stream)) {}
+
+  void start(bool full) {
+    stream_.expires_after(service_.options.header_timeout);
+    beast::async_detect_ssl(stream_, buffer_, [self = shared_from_this(), full](error_code ec, bool tls) {
+      if (ec) return;
+      if (tls) return self->shake_hands(full);
+      std::make_shared<HttpSession<PlainStream>>(self->service_, std::move(self->stream_))->refuse_plain();
+    });
+  }
+  void stop() override { beast::get_lowest_layer(tls_ ? tls_->next_layer() : stream_).cancel(); }
+
+ private:
+  void shake_hands(bool full) {
+    tls_.emplace(std::move(stream_), *service_.tls);
+    tls_->async_handshake(
+        boost::asio::ssl::stream_base::server, buffer_.data(),
+        [self = shared_from_this(), full](error_code ec, std::size_t) {
+          if (ec) return;
+          std::make_shared<HttpSession<TlsStream>>(self->service_, std::move(*self->tls_))->start(full);
+        });
+  }
+
+  PlainStream stream_;
+  beast::flat_buffer buffer_;
+  std::optional<TlsStream> tls_;
+};
+
 }  // namespace
 
 void start_http(Service& service, boost::asio::ip::tcp::socket socket, bool full) {
-  std::make_shared<HttpSession>(service, std::move(socket))->start(full);
+  if (service.tls) {
+    std::make_shared<Greeting>(service, PlainStream(std::move(socket)))->start(full);
+  } else {
+    std::make_shared<HttpSession<PlainStream>>(service, PlainStream(std::move(socket)))->start(full);
+  }
 }
 
 }  // namespace ferrobench::server

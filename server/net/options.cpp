@@ -28,12 +28,17 @@ std::vector<Problem> ServerOptions::validate() const {
                         .message = "is not a numeric address",
                         .given = address,
                         .hint = "for example 127.0.0.1"});
-  if (reach == Reach::remote && !allow_remote)
+  if (reach == Reach::remote && tls_certificate.empty())
     problems.push_back({.path = "/address",
-                        .message = "would let other machines in",
+                        .message = "would carry the token over the network for everybody to read",
                         .given = address,
                         .allowed = {"127.0.0.1", "::1"},
-                        .hint = "say so explicitly if that is wanted"});
+                        .hint = "name a certificate and its key (--tls-certificate, --tls-key), or listen at "
+                                "127.0.0.1 and come by a tunnel: ssh -L 8377:127.0.0.1:8377 HOST"});
+  if (tls_certificate.empty() != tls_key.empty())
+    problems.push_back({.path = tls_key.empty() ? "/tls_key" : "/tls_certificate",
+                        .message = "is missing",
+                        .hint = "a certificate and its key come together"});
   if (token.size() < 32)
     problems.push_back({.path = "/token",
                         .message = "is too short to be a secret",

@@ -12,9 +12,9 @@
 namespace ferrobench::server {
 
 struct ServerOptions {
-  std::string address = "127.0.0.1";  // numeric; anything but loopback needs allow_remote
-  std::uint16_t port = 8377;          // 0: any free one
-  bool allow_remote = false;
+  std::string address = "127.0.0.1";     // numeric; anything but loopback needs TLS
+  std::uint16_t port = 8377;             // 0: any free one
+  std::string tls_certificate, tls_key;  // PEM files; "": no TLS
   std::vector<std::string>
       extra_hosts;              // names ("bench.lab") that others reach it by, beside the loopback ones
   std::string unix_socket;      // path; "" for none

@@ -32,7 +32,7 @@ Session::~Session() {
 }
 
 Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
-    : dispatcher(d), hub(h), options(o), content(std::move(c)), workers(o.worker_threads) {}
+    : dispatcher(d), hub(h), options(o), content(std::move(c)), tls(make_tls(o)), workers(o.worker_threads) {}
 
 void Service::run(std::function<std::string()> work, std::function<void(std::string)> done) {
   ++calls_waiting;
@@ -164,7 +164,10 @@ Server::Server(const Dispatcher& dispatcher, Hub& hub, const ServerOptions& opti
   auto& s = *state_;
   auto acceptor = listen_tcp(s.service.io, options);
   s.port = acceptor.local_endpoint().port();
-  s.service.admission.emplace(options.token, s.port, options.extra_hosts);
+  auto hosts = options.extra_hosts;
+  if (const auto own = acceptor.local_endpoint().address(); !own.is_unspecified())
+    hosts.push_back(own.is_v6() ? "[" + own.to_string() + "]" : own.to_string());
+  s.service.admission.emplace(options.token, s.port, hosts, s.service.tls != nullptr);
   s.tcp_listener.emplace(s.service, std::move(acceptor), &start_http);
   if (!options.unix_socket.empty())
     s.unix_listener.emplace(

@@ -15,6 +15,7 @@
 
 #include "server/net/admission.h"
 #include "server/net/server.h"
+#include "server/net/tls.h"
 
 namespace ferrobench::server {
 
@@ -40,7 +41,8 @@ struct Service {
   Hub& hub;
   ServerOptions options;
   Content content;
-  std::optional<Admission> admission;  // once the port is known
+  std::shared_ptr<boost::asio::ssl::context> tls;  // null: plain
+  std::optional<Admission> admission;              // once the port is known
   std::set<Session*> sessions;
   bool stopping = false;
   std::uint64_t connections = 0;  // ever accepted, to name them

@@ -72,11 +72,13 @@ std::filesystem::path state_folder() {
 }
 
 std::string load_or_create_token(const std::filesystem::path& file) {
-  int fd = open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-  if (fd < 0 && errno == ENOENT) {
-    create(file);
-    fd = open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-  }
+  struct stat info {};
+  if (lstat(file.c_str(), &info) != 0 && errno == ENOENT) create(file);
+  return load_token(file);
+}
+
+std::string load_token(const std::filesystem::path& file) {
+  const int fd = open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
   if (fd < 0) fail_errno(file, errno);
   struct stat info {};
   std::array<char, digits + 2> text{};

@@ -15,6 +15,8 @@ std::filesystem::path state_folder();
 // may read, that somebody else owns, or that holds anything but a token: Error(io_error) with the way to put
 // it right.
 std::string load_or_create_token(const std::filesystem::path& file);
+// The same without creating one: Error(io_error) if it is not there.
+std::string load_token(const std::filesystem::path& file);
 
 // In a time that depends on the lengths only.
 bool equal_secret(std::string_view a, std::string_view b);

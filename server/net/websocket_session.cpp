@@ -2,6 +2,7 @@
 
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/websocket/ssl.hpp>
 #include <boost/beast/websocket/stream.hpp>
 #include <utility>
 
@@ -14,10 +15,10 @@ namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 using beast::error_code;
 
+template <class Stream>
 class WebSocketSession final : public Conversation {
  public:
-  WebSocketSession(Service& service, beast::tcp_stream stream,
-                   beast::http::request<beast::http::string_body> request,
+  WebSocketSession(Service& service, Stream stream, beast::http::request<beast::http::string_body> request,
                    std::shared_ptr<CallContext> context)
       : Conversation(service, std::move(context)), socket_(std::move(stream)), request_(std::move(request)) {
     beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has timeouts of its own
@@ -69,7 +70,7 @@ class WebSocketSession final : public Conversation {
     socket_.async_close({code_, beast::string_view(why)}, [self = mine()](error_code) {});
   }
 
-  websocket::stream<beast::tcp_stream> socket_;
+  websocket::stream<Stream> socket_;
   beast::flat_buffer buffer_;
   beast::http::request<beast::http::string_body> request_;
   websocket::close_code code_ = websocket::close_code::normal;
@@ -77,11 +78,21 @@ class WebSocketSession final : public Conversation {
 
 }  // namespace
 
-void start_websocket(Service& service, beast::tcp_stream stream,
+void start_websocket(Service& service, PlainStream stream,
                      beast::http::request<beast::http::string_body> request,
                      std::shared_ptr<CallContext> context) {
   context->client.replace(0, std::string_view("http").size(), "websocket");
-  std::make_shared<WebSocketSession>(service, std::move(stream), std::move(request), std::move(context))
+  std::make_shared<WebSocketSession<PlainStream>>(service, std::move(stream), std::move(request),
+                                                  std::move(context))
+      ->accept();
+}
+
+void start_websocket(Service& service, TlsStream stream,
+                     beast::http::request<beast::http::string_body> request,
+                     std::shared_ptr<CallContext> context) {
+  context->client.replace(0, std::string_view("https").size(), "websocket with TLS");
+  std::make_shared<WebSocketSession<TlsStream>>(service, std::move(stream), std::move(request),
+                                                std::move(context))
       ->accept();
 }
 

@@ -16,7 +16,7 @@ enum class Role { view, control, stop };
 struct CallContext {
   // "http 127.0.0.1 port 40112", "unix 7 user 1000 process 4711": for the logs, and to name a lease's holder
   std::string client;
-  std::string lease;   // the lease this client presented or acquired, "" for none
+  std::string lease;                       // the lease this client presented or acquired, "" for none
   std::shared_ptr<Subscriber> subscriber;  // null where notifications cannot be sent (HTTP POST)
 };
 

@@ -226,7 +226,7 @@ TEST(NetHttp, StopLetsCallsUnderWayReply) {
   guest.join();
 }
 
-TEST(NetHttp, OnlyLoopbackUnlessToldOtherwise) {
+TEST(NetHttp, OnlyLoopbackWithoutTls) {
   ServerOptions options;
   options.token = Bench::token;
   EXPECT_TRUE(options.validate().empty());
@@ -236,7 +236,10 @@ TEST(NetHttp, OnlyLoopbackUnlessToldOtherwise) {
   ASSERT_EQ(options.validate().size(), 1u);
   EXPECT_EQ(options.validate()[0].path, "/address");
   EXPECT_THROW(Bench bench(options), Error);
-  options.allow_remote = true;
+  EXPECT_NE(options.validate()[0].hint.find("--tls-certificate"), std::string::npos);
+  options.tls_certificate = "bench.pem";
+  EXPECT_EQ(options.validate().at(0).path, "/tls_key");
+  options.tls_key = "bench.key";
   EXPECT_TRUE(options.validate().empty());
   options.address = "localhost";
   EXPECT_EQ(options.validate().size(), 1u);
