@@ -222,9 +222,9 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     tcp().expires_never();
     const Load load{service_.sessions.size(), service_.calls_waiting};
     service_.run([&metrics = service_.content.metrics, load] { return metrics(load); },
-                 [self = self()](std::string text) {
+                 [self = self()](std::optional<std::string> text) {
                    self->send_text(http::status::ok, "text/plain; version=0.0.4; charset=utf-8",
-                                   std::move(text));
+                                   *std::move(text));
                  });
   }
 

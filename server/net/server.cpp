@@ -34,26 +34,21 @@ Session::~Session() {
 Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
     : dispatcher(d), hub(h), options(o), content(std::move(c)), tls(make_tls(o)), workers(o.worker_threads) {}
 
-void Service::run(std::function<std::string()> work, std::function<void(std::string)> done) {
+void Service::run(Work work, Done done) {
   ++calls_waiting;
   asio::post(workers, [this, work = std::move(work), done = std::move(done)]() mutable {
     --calls_waiting;
-    auto text = work();
+    auto reply = work();
+    work = nullptr;
     // `done` holds the session, which may only be let go on the io thread.
-    asio::post(io, [text = std::move(text), done = std::move(done)]() mutable { done(std::move(text)); });
+    asio::post(io, [reply = std::move(reply), done = std::move(done)]() mutable { done(std::move(reply)); });
   });
 }
 
-void Service::call(std::string text, std::shared_ptr<CallContext> context,
-                   std::function<void(std::optional<std::string>)> done) {
-  ++calls_waiting;
-  asio::post(workers, [this, text = std::move(text), context = std::move(context),
-                       done = std::move(done)]() mutable {
-    --calls_waiting;
-    auto reply = dispatcher.handle(text, *context);
-    context.reset();
-    asio::post(io, [reply = std::move(reply), done = std::move(done)]() mutable { done(std::move(reply)); });
-  });
+void Service::call(std::string text, std::shared_ptr<CallContext> context, Done done) {
+  run([this, text = std::move(text),
+       context = std::move(context)] { return dispatcher.handle(text, *context); },
+      std::move(done));
 }
 
 namespace {

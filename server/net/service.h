@@ -52,11 +52,12 @@ struct Service {
 
   Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c);
 
-  // Runs the text through the dispatcher on a worker; `done` gets the reply on the io thread.
-  void call(std::string text, std::shared_ptr<CallContext> context,
-            std::function<void(std::optional<std::string>)> done);
-  // The same for any work that makes a text.
-  void run(std::function<std::string()> work, std::function<void(std::string)> done);
+  using Work = std::function<std::optional<std::string>()>;
+  using Done = std::function<void(std::optional<std::string>)>;
+  // Does the work on a worker; `done` gets its text on the io thread.
+  void run(Work work, Done done);
+  // The same with what the dispatcher replies to the text.
+  void call(std::string text, std::shared_ptr<CallContext> context, Done done);
 };
 
 // A full house is told so, and closed.
