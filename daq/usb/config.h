@@ -264,15 +264,13 @@ void describe(Visitor& visit, UsbConfig& c) {
         {.doc = "file of the unit's FPGA image; a relative name starts at the configuration's folder"});
   visit("output_channel", c.output_channel, {.min = 0, .max = 1, .doc = "analog output to the amplifier"});
   visit("wiring", c.wiring, {.doc = "of all inputs"});
-  visit(
-      "update_rate", c.update_rate,
-      {.unit = "Hz",
-       .min = 0,
-       .max = 500e3,
-       .doc =
-           "the output moves at least this often; a slower scan is taken as every n-th of a faster one. A "
-           "row "
-           "is taken before the amplifier has followed its last step: creep after a ramp begins that late"});
+  visit("update_rate", c.update_rate,
+        {.unit = "Hz",
+         .min = 0,
+         .max = 500e3,
+         .doc = "the output moves at least this often; a slower scan is taken as every n-th of a faster one. "
+                "A row is taken before the amplifier has followed its last step: creep after a ramp begins "
+                "that late"});
   visit("queue_ahead", c.queue_ahead,
         {.unit = "s", .min = 0.02, .max = 0.5, .doc = "output queued in advance: how long a stop may wait"});
   visit("amplifier", c.amplifier, {.required = true});

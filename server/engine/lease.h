@@ -36,7 +36,7 @@ class Lease {
   // Why a run must not go on: the lease ran out, neither renewed nor released, and was asked for with
   // `stop_run`. Else "".
   std::string lost() const;
-  // A lease that has run out was somebody's of a run before.
+  // For a new run: a lease that ran out before it has lost() nothing.
   void forget_lost();
 
   // The gate of the dispatcher: Error(not_controller) unless the caller may control now.

@@ -1,3 +1,4 @@
+// The judge: what was asked and told, replayed against a model of what a bench may do.
 #include <algorithm>
 #include <limits>
 #include <set>
