@@ -12,7 +12,9 @@ struct DeviceKind {
   std::string_view name;
   std::string_view description;
   nlohmann::json (*schema)();  // JSON Schema of the configuration
+  // Brings an output that is somewhere else to zero.
   std::unique_ptr<Device> (*open)(const nlohmann::json& config);
+  bool keeps_output = false;  // when the program dies; info() has the "configuration" for open() then
 };
 
 std::span<const DeviceKind> device_kinds();

@@ -53,7 +53,7 @@ struct Measured {
 };
 
 Measured measure(Device& device, const std::vector<recordings::RawColumn>& columns,
-                 protocols::SampledWaveform program) {
+                 protocols::SampledWaveform program, const std::function<std::string()>& stop_wanted) {
   Limits limits;
   limits.field_min = -2 * level;
   limits.field_max = 2 * level;
@@ -63,7 +63,10 @@ Measured measure(Device& device, const std::vector<recordings::RawColumn>& colum
   out.columns.resize(columns.size());
   const auto begin = std::chrono::steady_clock::now();
   guard.start(std::move(program));
+  std::string stopped;
   for (SampleBlock block; guard.read(block);) {
+    if (stop_wanted && stopped.empty())
+      if (stopped = stop_wanted(); !stopped.empty()) guard.stop(stopped);
     out.command.insert(out.command.end(), block.command.begin(), block.command.end());
     for (std::size_t i = 0; i < block.counts.size(); ++i) {
       const auto& column = columns[i % columns.size()];
@@ -71,6 +74,7 @@ Measured measure(Device& device, const std::vector<recordings::RawColumn>& colum
     }
     out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
+  if (!stopped.empty()) throw Error(ErrorCode::cancelled, "the self-test was stopped: " + stopped);
   if (const auto outcome = guard.outcome(); outcome.end != End::complete)
     throw Error(ErrorCode::device_lost, "the self-test did not come to its end: " + outcome.reason);
   return out;
@@ -117,7 +121,7 @@ nlohmann::json to_json(const SelftestReport& report) {
   return {{"passed", report.passed()}, {"rows", std::move(rows)}};
 }
 
-SelftestReport selftest(Device& device) {
+SelftestReport selftest(Device& device, const std::function<std::string()>& stop_wanted) {
   const auto columns = device.columns();
   const auto field =
       std::find_if(columns.begin(), columns.end(), [](auto& c) { return c.channel == Channel::field; });
@@ -127,7 +131,7 @@ SelftestReport selftest(Device& device) {
   const auto program = waveform();
   const auto corners = std::vector<std::uint64_t>(program.corners().begin(), program.corners().end());
   const auto size = static_cast<double>(program.size());
-  const auto measured = measure(device, columns, program);
+  const auto measured = measure(device, columns, program, stop_wanted);
 
   SelftestReport report;
   report.rows.push_back({"rows", static_cast<double>(measured.command.size()), size, size, ""});

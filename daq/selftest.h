@@ -2,6 +2,8 @@
 // monitor.
 #pragma once
 
+#include <functional>
+
 #include "daq/device.h"
 
 namespace ferrobench::daq {
@@ -22,7 +24,9 @@ nlohmann::json to_json(const SelftestReport& report);
 
 // Holds, ramps to 5e4 V/m (5 V on 100 um) and back, two seconds in all; needs a field column. Compares the
 // monitor's offset and gain, the noise of each column with what the device states, the number of rows and,
-// where the clock is real, the rate. Throws Error(device_lost) if the run does not come to its end.
-SelftestReport selftest(Device& device);
+// where the clock is real, the rate. `stop_wanted` is asked with each block: why the test must end, or "";
+// it ends with the output at zero then and throws Error(cancelled). Throws Error(device_lost) if the device
+// does not come to the end.
+SelftestReport selftest(Device& device, const std::function<std::string()>& stop_wanted = {});
 
 }  // namespace ferrobench::daq

@@ -5,8 +5,8 @@
 #include <iostream>
 #include <thread>
 
-#include "recordings/recover.h"
 #include "server/cli/link.h"
+#include "server/engine/aftermath.h"
 #include "server/methods/methods.h"
 #include "server/methods/metrics.h"
 #include "server/net/audit.h"
@@ -24,20 +24,6 @@ struct ServeOptions {
   server::ServerOptions net;
   std::string token_file{};
 };
-
-// What the runs of a program that died have left. One that cannot be made whole stays for 'ferrobench
-// recover'.
-void recover_all(const std::string& folder) {
-  for (const auto& path : recordings::find_broken(folder)) {
-    const auto name = fs::path(path).filename().string();
-    try {
-      const auto done = recordings::recover_recording(path);
-      std::cout << recovered_name(done.outcome) << ' ' << name << ": " << done.message << std::endl;
-    } catch (const Error& error) {
-      std::cerr << "ferrobench: " << name << " cannot be recovered: " << error.what() << std::endl;
-    }
-  }
-}
 
 // systemd's journal, which others may read.
 bool writes_to_journal() {
@@ -73,7 +59,12 @@ int serve(const ServeOptions& o, const Common& common) {
   server::Engine engine(common.data_folder(), hub);
   server::Dispatcher rpc;
   add_all_methods(rpc, engine);
-  recover_all(engine.store().recordings().string());
+  server::put_right(engine.store().recordings().string(), [](bool failed, const std::string& text) {
+    if (failed)
+      std::cerr << "ferrobench: " << text << std::endl;
+    else
+      std::cout << text << std::endl;
+  });
 
   auto options = o.net;
   options.unix_socket = common.socket_path();
@@ -138,7 +129,8 @@ void add_serve(CLI::App& app, Common& common) {
                   "~/.local/state/ferrobench/token")
       ->type_name("FILE");
   sub->footer(
-      "Recordings whose run broke off are made whole before it listens (ferrobench recover --help).\n"
+      "What a crash has left is put right before it listens: outputs of hardware are brought to zero, and\n"
+      "recordings are made whole (ferrobench recover --help).\n"
       "Who did what, and who was refused, stands in the folder \"audit\" of the data folder: calls.jsonl "
       "and\n"
       "refusals.jsonl, a line of JSON each, at most 80 MiB of either. GET /metrics is for Prometheus.\n"

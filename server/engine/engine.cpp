@@ -48,8 +48,10 @@ Engine::Engine(const std::filesystem::path& data_folder, Hub& hub)
 void Engine::stop() {
   std::shared_ptr<Run> run;
   {
-    const std::scoped_lock lock(mutex_);
+    std::unique_lock lock(mutex_);
     stopped_ = true;
+    test_stop_ = "the bench shuts down";
+    test_over_.wait(lock, [this] { return tested_.empty(); });
     run = run_;
   }
   if (!run) return;
@@ -79,11 +81,7 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
     for (const auto& [status, before] : past_)
       if (repeats(before)) return status;
   }
-  if (stopped_) throw Error(ErrorCode::bad_state, "the bench shuts down");
-  if (run_ && !run_->over())
-    throw Error(ErrorCode::busy, "a run is under way",
-                Problem{.given = run_->id(), .hint = "wait for its end, or run.abort it"});
-
+  demand_rest("no other starts");
   auto setup = make_setup(request);
   setup.path = path.empty() ? store_.new_recording(setup.plan.name).string() : path;
   if (run_) {
@@ -195,6 +193,13 @@ void Engine::resume(const std::string& id) {
 }
 
 void Engine::abort(const std::string& id, const std::string& reason) {
+  if (id.empty()) {
+    const std::scoped_lock lock(mutex_);
+    if (!tested_.empty()) {
+      test_stop_ = reason;
+      return;
+    }
+  }
   const auto run = current(id);
   if (run->over())
     throw Error(ErrorCode::bad_state, "this run is over",
@@ -213,9 +218,17 @@ daq::Limits Engine::limits() const {
 }
 
 void Engine::demand_rest(const std::string& what) const {
+  if (stopped_) throw Error(ErrorCode::bad_state, "the bench shuts down");
   if (run_ && !run_->over())
     throw Error(ErrorCode::busy, what + " while a run is under way",
                 Problem{.given = run_->id(), .hint = "wait for its end, or run.abort it"});
+  if (!tested_.empty())
+    throw Error(ErrorCode::busy, what + " while a self-test is under way",
+                Problem{.given = tested_, .hint = "wait for its end, or run.abort it"});
+}
+
+void Engine::demand_free(const std::string& device, const std::string& what) const {
+  if (tested_ == device || (run_ && !run_->over() && run_->status().device == device)) demand_rest(what);
 }
 
 void Engine::set_limits(const nlohmann::json& named) {
@@ -258,7 +271,7 @@ std::shared_ptr<daq::Device> Engine::find_device(const std::string& id) const {
 void Engine::close_device(const std::string& id) {
   const std::scoped_lock lock(mutex_);
   find_device(id);
-  if (run_ && !run_->over() && run_->status().device == id) demand_rest("the device cannot be closed");
+  demand_free(id, "the device cannot be closed");
   devices_.erase(id);
 }
 
@@ -272,8 +285,30 @@ std::vector<std::string> Engine::open_devices() const {
 void Engine::with_device(const std::string& id, const std::function<void(daq::Device&)>& use) {
   const std::scoped_lock lock(mutex_);
   const auto device = find_device(id);
-  if (run_ && !run_->over() && run_->status().device == id) demand_rest("the device is taken");
+  demand_free(id, "the device is taken");
   use(*device);
+}
+
+daq::SelftestReport Engine::selftest(const std::string& id) {
+  std::shared_ptr<daq::Device> device;
+  {
+    const std::scoped_lock lock(mutex_);
+    device = find_device(id);
+    demand_rest("no self-test starts");
+    tested_ = id;
+    test_stop_ = "";
+    lease_.forget_lost();
+  }
+  // Whatever happens, the bench is free again after it.
+  const std::unique_ptr<Engine, void (*)(Engine*)> over(this, [](Engine* engine) {
+    const std::scoped_lock lock(engine->mutex_);
+    engine->tested_ = "";
+    engine->test_over_.notify_all();
+  });
+  return daq::selftest(*device, [this] {
+    const std::scoped_lock lock(mutex_);
+    return test_stop_.empty() ? lease_.lost() : test_stop_;
+  });
 }
 
 }  // namespace ferrobench::server

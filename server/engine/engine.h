@@ -2,6 +2,7 @@
 // Everything here is safe to call from any thread.
 #pragma once
 
+#include <condition_variable>
 #include <deque>
 #include <map>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "daq/selftest.h"
 #include "server/engine/jobs.h"
 #include "server/engine/lease.h"
 #include "server/engine/run.h"
@@ -29,11 +31,11 @@ class Engine {
   // Adds the topics run, samples, events and job to the hub, which outlives the engine.
   Engine(const std::filesystem::path& data_folder, Hub& hub);
   ~Engine() { stop(); }
-  // Ends a run under way safely and returns when the output is at zero. No run starts after.
+  // Ends what is under way safely and returns when the output is at zero. Nothing starts after.
   void stop();
 
-  // A run goes on at a time: Error(busy). A request whose idempotency key was seen before starts nothing and
-  // returns that run. `path`: where the recording goes, "" for a new one in the store.
+  // One run or self-test goes on at a time: Error(busy). A request whose idempotency key was seen before
+  // starts nothing and returns that run. `path`: where the recording goes, "" for a new one in the store.
   RunStatus start(const RunRequest& request, const std::string& path = "");
   // `id` "": the latest; state idle if there was none. Error(not_found).
   RunStatus status(const std::string& id = "") const;
@@ -43,7 +45,7 @@ class Engine {
   RunStatus wait(const std::string& id);
   void pause(const std::string& id);
   void resume(const std::string& id);
-  void abort(const std::string& id, const std::string& reason);
+  void abort(const std::string& id, const std::string& reason);  // `id` "": a self-test too
   // Whether the run under way writes this recording.
   bool is_being_written(const std::filesystem::path& path) const;
 
@@ -55,8 +57,11 @@ class Engine {
   std::string open_device(const std::string& kind, const nlohmann::json& config);
   void close_device(const std::string& id);
   std::vector<std::string> open_devices() const;
-  // An open device, for `use` alone; Error(busy) while a run has it.
+  // An open device, for `use` alone and not for long; Error(busy) while a run or a test has it.
   void with_device(const std::string& id, const std::function<void(daq::Device&)>& use);
+  // The bench waits for nothing meanwhile. Stopped like a run, with Error(cancelled); errors as
+  // daq::selftest.
+  daq::SelftestReport selftest(const std::string& id);
 
   const Store& store() const { return store_; }
   Jobs& jobs() { return jobs_; }
@@ -69,6 +74,7 @@ class Engine {
   std::shared_ptr<Run> current(const std::string& id) const;
   std::shared_ptr<daq::Device> find_device(const std::string& id) const;
   void demand_rest(const std::string& what) const;
+  void demand_free(const std::string& device, const std::string& what) const;
 
   Hub& hub_;
   Store store_;
@@ -78,6 +84,9 @@ class Engine {
   mutable std::mutex mutex_;
   daq::Limits limits_;
   std::map<std::string, std::shared_ptr<daq::Device>> devices_;
+  std::string tested_;     // device that a self-test has, "": none
+  std::string test_stop_;  // why that must end, "": it need not
+  std::condition_variable test_over_;
   std::shared_ptr<Run> run_;
   struct Asked {
     std::string key{};         // "": none

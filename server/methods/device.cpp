@@ -1,5 +1,4 @@
 #include "daq/registry.h"
-#include "daq/selftest.h"
 #include "daq/usb/units.h"
 #include "server/methods/methods.h"
 
@@ -90,16 +89,13 @@ void add_device_methods(Dispatcher& rpc, Engine& engine) {
                         [&engine](const DeviceParams& p) { engine.close_device(p.device); });
   rpc.add<DeviceParams>({.name = "device.info", .doc = "What an open device says of itself."},
                         [&engine](const DeviceParams& p) { return opened(engine, p.device); });
-  rpc.add<DeviceParams>(
-      {.name = "device.selftest",
-       .doc = "Plays a small waveform, with the output looped back to the field monitor, and compares.",
-       .role = Role::control,
-       .result_schema = {{"type", "object"}}},
-      [&engine](const DeviceParams& p) {
-        nlohmann::json report;
-        engine.with_device(p.device, [&](daq::Device& device) { report = to_json(daq::selftest(device)); });
-        return report;
-      });
+  rpc.add<DeviceParams>({.name = "device.selftest",
+                         .doc = "Plays a small waveform, with the output looped back to the field monitor, "
+                                "and compares. run.abort "
+                                "without a run's id stops it.",
+                         .role = Role::control,
+                         .result_schema = {{"type", "object"}}},
+                        [&engine](const DeviceParams& p) { return to_json(engine.selftest(p.device)); });
 }
 
 }  // namespace ferrobench::server

@@ -3,7 +3,7 @@
 //   FAULT_FOLDER  only files below it are looked at
 //   FAULT_KIND    EIO, ENOSPC, EINTR, short (a write of half the bytes) or full (ENOSPC from then on, for all
 //   that takes room) FAULT_AT      which call, from 1; 0: none FAULT_COUNT   file that gets the number of
-//   calls at the end
+//   calls at the end FAULT_WHEN    instead of FAULT_AT: the first call once this file is there
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -20,7 +20,7 @@
 enum { most_files = 4096 };
 enum kind { none, fail, half, full, hang, slow };
 
-static const char* folder;
+static const char *folder, *when;
 static enum kind kind;
 static int error_number;
 static long at;
@@ -31,8 +31,9 @@ __attribute__((constructor)) static void begin(void) {
   const char* name = getenv("FAULT_KIND");
   const char* place = getenv("FAULT_AT");
   folder = getenv("FAULT_FOLDER");
-  if (folder == NULL || name == NULL || place == NULL) return;
-  at = strtol(place, NULL, 10);
+  when = getenv("FAULT_WHEN");
+  if (folder == NULL || name == NULL || (place == NULL && when == NULL)) return;
+  if (place != NULL) at = strtol(place, NULL, 10);
   kind = strcmp(name, "short") == 0  ? half
          : strcmp(name, "full") == 0 ? full
          : strcmp(name, "hang") == 0 ? hang
@@ -53,6 +54,7 @@ __attribute__((destructor)) static void end(void) {
 // Counts the call and says what becomes of it.
 static enum kind fate(int takes_room) {
   const long number = atomic_fetch_add(&count, 1) + 1;
+  if (when != NULL && at == 0 && faccessat(AT_FDCWD, when, F_OK, 0) == 0) at = number;
   if (at == 0 || number < at || (kind != full && kind != slow && number != at)) return none;
   if (kind == hang) sleep(13);
   if (kind == slow) usleep(400000);

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <future>
 
 #include "engine_bench.h"
 #include "server/engine/simulation.h"
@@ -145,6 +146,44 @@ TEST_F(EngineTest, ShuttingDownStopsARunSafely) {
   const auto r = recordings::read_recording(path);
   EXPECT_EQ(r.status, "aborted");
   EXPECT_EQ(r.at(Channel::command).back(), 0);
+}
+
+// Waits for a self-test to have the device.
+void await_test(Engine& engine, const std::string& id) {
+  for (int i = 0; i < 2000; ++i) {
+    try {
+      engine.with_device(id, [](daq::Device&) {});
+    } catch (const Error&) {
+      return;
+    }
+    usleep(1000);
+  }
+  FAIL() << "no self-test began";
+}
+
+TEST_F(EngineTest, ASelfTestStopsLikeARunAndTheBenchAnswersMeanwhile) {
+  const auto id = engine.open_device("virtual", {{"model", "soft-pzt"}});
+  auto test = std::async(std::launch::async, [&] { return code_of([&] { engine.selftest(id); }); });
+  await_test(engine, id);
+  EXPECT_EQ(code_of([&] { engine.start(request(trapezium(0.2, 1), true)); }), ErrorCode::busy);
+  EXPECT_EQ(code_of([&] { engine.selftest(id); }), ErrorCode::busy);
+  EXPECT_EQ(code_of([&] { engine.close_device(id); }), ErrorCode::busy);
+  EXPECT_EQ(code_of([&] { engine.set_limits(nlohmann::json::object()); }), ErrorCode::busy);
+  EXPECT_EQ(engine.status().state, RunState::idle);
+  usleep(900'000);  // the output is up
+  engine.abort("", "enough");
+  EXPECT_EQ(test.get(), ErrorCode::cancelled);
+  engine.with_device(id, [](daq::Device& device) { EXPECT_EQ(device.output(), 0); });
+  EXPECT_TRUE(engine.selftest(id).passed());
+}
+
+TEST_F(EngineTest, ShuttingDownStopsASelfTest) {
+  const auto id = engine.open_device("virtual", {{"model", "soft-pzt"}});
+  auto test = std::async(std::launch::async, [&] { return code_of([&] { engine.selftest(id); }); });
+  await_test(engine, id);
+  engine.stop();
+  EXPECT_EQ(test.get(), ErrorCode::cancelled);
+  EXPECT_EQ(code_of([&] { engine.selftest(id); }), ErrorCode::bad_state);
 }
 
 TEST_F(EngineTest, RefusesBeforeAnythingMoves) {

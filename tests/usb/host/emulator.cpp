@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "boards/logged.h"
 #include "boards/loopback.h"
 #include "boards/proof.h"
 
@@ -72,6 +73,11 @@ std::unique_ptr<Board> board_of(const EmulatorConfig& config) {
   return board;
 }
 
+std::unique_ptr<Board> logged(std::unique_ptr<Board> board, const std::string& log) {
+  if (log.empty()) return board;
+  return std::make_unique<LoggedBoard>(std::move(board), log);
+}
+
 UnitSetup setup_of(const EmulatorConfig& config) {
   UnitSetup setup;
   setup.product = static_cast<std::uint16_t>(config.product);
@@ -90,7 +96,7 @@ UnitSetup setup_of(const EmulatorConfig& config) {
 }  // namespace
 
 Emulator::Emulator(const EmulatorConfig& config)
-    : config_(config), board_(board_of(config)), unit_(setup_of(config), *board_) {
+    : config_(config), board_(logged(board_of(config), config.output_log)), unit_(setup_of(config), *board_) {
   if (config.fault)
     unit_.arm(draw_fault(*config.fault, static_cast<std::uint64_t>(config.fault_seed),
                          static_cast<std::uint64_t>(config.fault_scans)));

@@ -31,6 +31,7 @@ struct EmulatorConfig {
   std::optional<FaultKind> fault;
   std::int64_t fault_seed = 1, fault_scans = 10'000;
   double patience = 0.5;  // s
+  std::string output_log{};
 };
 
 template <class Visitor>
@@ -57,6 +58,10 @@ void describe(Visitor& visit, EmulatorConfig& c) {
        .doc =
            "how long the unit's time may stand still where a FIFO is about to fail for want of a transfer: a "
            "loaded machine is not a broken driver"});
+  visit(
+      "output_log", c.output_log,
+      {.doc = "file for the voltage of output 0: a line at each change with the unit's time, the time of day "
+              "(both s) and the voltage"});
 }
 
 // Throws Error(invalid_params).

@@ -1,0 +1,69 @@
+#include "server/engine/aftermath.h"
+
+#include <filesystem>
+#include <set>
+
+#include "daq/registry.h"
+#include "recordings/file.h"
+#include "recordings/recover.h"
+
+namespace ferrobench::server {
+
+namespace {
+
+using nlohmann::json;
+using Tell = std::function<void(bool, const std::string&)>;
+
+// The device's configuration, if its output stays where it is when the program dies; else null.
+json configuration_of(const json& device) {
+  if (!device.is_object() || !device.contains("configuration")) return nullptr;
+  const auto driver = device.value("driver", "");
+  const auto kinds = daq::device_kinds();
+  const auto kind = std::ranges::find(kinds, driver, &daq::DeviceKind::name);
+  if (kind == kinds.end() || !kind->keeps_output) return nullptr;
+  auto out = device.at("configuration");
+  // That very unit, whatever else is attached now.
+  if (out.is_object() && device.contains("serial_number")) out["serial_number"] = device["serial_number"];
+  return out;
+}
+
+void bring_to_zero(const std::vector<std::string>& broken, const Tell& tell) {
+  std::set<std::pair<std::string, json>> seen;
+  for (const auto& path : broken) {
+    if (recordings::journal_state(path) != recordings::JournalState::left) continue;
+    const auto name = std::filesystem::path(path).stem().string();
+    std::string what = "the device of run " + name;
+    try {
+      const auto device = recordings::read_summary(path).header.device;
+      const auto configuration = configuration_of(device);
+      if (configuration.is_null()) continue;
+      const auto driver = device.at("driver").get<std::string>();
+      what = driver + " unit " + device.value("serial_number", "") + ", which run " + name + " had";
+      if (!seen.emplace(driver, configuration).second) continue;
+      // Opening a device brings its output to zero.
+      const auto opened = daq::open_device(driver, configuration);
+      if (opened->output() != 0) throw Error(ErrorCode::device_lost, "it does not obey");
+      tell(false, "output at zero: " + what);
+    } catch (const std::exception& failure) {
+      tell(true, "the output may not be at zero, switch the amplifier off: " + what + ": " + failure.what());
+    }
+  }
+}
+
+}  // namespace
+
+void put_right(const std::string& folder, const Tell& tell) {
+  const auto broken = recordings::find_broken(folder);
+  bring_to_zero(broken, tell);
+  for (const auto& path : broken) {
+    const auto name = std::filesystem::path(path).filename().string();
+    try {
+      const auto done = recordings::recover_recording(path);
+      tell(false, std::string(recovered_name(done.outcome)) + " " + name + ": " + done.message);
+    } catch (const Error& error) {
+      tell(true, name + " cannot be recovered, see 'ferrobench recover': " + error.what());
+    }
+  }
+}
+
+}  // namespace ferrobench::server
