@@ -259,5 +259,68 @@ TEST(Guard, RefusesWhatWouldPassALimit) {
   EXPECT_THROW(Guard(device, senseless), Error);
 }
 
+// Plays as many rows at a time as it is given and hands on the last of them.
+class LongDevice final : public Device {
+ public:
+  nlohmann::json info() const override { return {{"driver", "long"}, {"clock", "fast"}}; }
+  std::vector<recordings::RawColumn> columns() const override {
+    return {{.channel = recordings::Channel::field, .gain = 100}};
+  }
+  OutputRange output_range() const override { return {-2e6, 2e6}; }
+  double scan_rate(double asked) const override { return asked; }
+  double output() const override { return level_; }
+  void go_to(double level, double /*slew*/) override { level_ = level; }
+  void start(double /*rate*/, LevelSource& source) override { source_ = &source; }
+  bool read(SampleBlock& block) override {
+    block.clear();
+    const auto piece = source_->next(1 << 20);
+    if (piece.samples == 0) return false;
+    level_ = piece.level;
+    row_ += piece.samples;
+    block.first_sample = row_;
+    block.rows = 1;
+    block.counts = {static_cast<std::int16_t>(std::lround(level_ / 100))};
+    return true;
+  }
+
+ private:
+  LevelSource* source_ = nullptr;
+  double level_ = 0;
+  std::uint64_t row_ = 0;
+};
+
+// 72 hours at 20,000 rows a second: row numbers pass 2^31 and 2^32.
+TEST(Guard, CountsTheRowsOfThreeDays) {
+  constexpr double rate = 20'000, hours_72 = 72 * 3600;
+  constexpr std::uint64_t most = 1ULL << 32;
+  LongDevice device;
+  Guard guard(device, Limits{});
+  guard.go_to(0, 1e6);
+  guard.start(program({line(0, 1e6, 1), line(1e6, 1e6, hours_72), line(1e6, 0, 1)}, rate));
+  EXPECT_EQ(guard.progress().rows_expected, 5'184'040'001U);
+  std::uint64_t row = 0;
+  double time = 0;
+  for (SampleBlock block; guard.read(block);) {
+    if (block.rows == 0) continue;
+    ASSERT_GT(block.first_sample, row);
+    ASSERT_EQ(block.command.size(), 1U);
+    ASSERT_EQ(block.command[0], block.counts[0] * 100.0) << block.first_sample;
+    row = block.first_sample;
+    if (!block.events.empty()) time = block.events.back().time;
+    if (row > most) guard.stop("long enough");
+  }
+  EXPECT_EQ(guard.outcome().end, End::stopped);
+  EXPECT_TRUE(guard.outcome().output_at_zero);
+  ASSERT_GT(row, most + static_cast<std::uint64_t>(rate));
+  EXPECT_EQ(guard.progress().rows_read, row + 1);
+  EXPECT_NEAR(time, static_cast<double>(row) / rate, 1.1 * (1 << 20) / rate);
+  const auto segments = guard.segments();
+  ASSERT_EQ(segments.size(), 3U);
+  EXPECT_EQ(segments[1].start_sample, 20'000);
+  EXPECT_EQ(segments[2].label, "safe stop");
+  EXPECT_GT(segments[2].start_sample, static_cast<std::int64_t>(most));
+  EXPECT_EQ(segments[2].end_sample, static_cast<std::int64_t>(row) + 1);  // past its last
+}
+
 }  // namespace
 }  // namespace ferrobench::daq
