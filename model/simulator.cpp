@@ -33,8 +33,9 @@ std::unique_ptr<Kinetics> make_kinetics(const Model& model, const KineticConstan
     return std::make_unique<Parametrized>(model, constants);
   const int count = options.domains > 0 ? options.domains
                                         : domains_for(model.material, model.polycrystal, options.tolerance);
-  return std::make_unique<Ensemble>(make_domains(model.material, model.polycrystal, count, options.shift),
-                                    constants, 0.1 * options.tolerance);
+  return std::make_unique<Ensemble>(
+      make_domains(model.material, model.polycrystal, count, options.shift, options.every_spread), constants,
+      0.1 * options.tolerance);
 }
 
 }  // namespace

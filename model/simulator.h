@@ -18,6 +18,7 @@ struct SimulationOptions {
   int domains = 0;
   std::uint64_t shift =
       0;  // which of the lattice's shifts; two of them compared estimate the quadrature error
+  bool every_spread = false;     // of make_domains
   std::uint64_t most_steps = 0;  // after so many, rejected ones too, Error(numerical); 0: no bound
 };
 

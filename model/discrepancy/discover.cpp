@@ -11,6 +11,7 @@
 #include "model/discrepancy/report.h"
 #include "model/discrepancy/search.h"
 #include "model/discrepancy/signals.h"
+#include "model/physics/domains.h"
 #include "recordings/skew.h"
 
 namespace ferrobench::model {
@@ -62,6 +63,19 @@ void split(Session& s) {
   }
 }
 
+// Whether one of them switches a spread on that the base does not have.
+bool adds_a_spread(const Model& base, const std::vector<const Effect*>& candidates) {
+  return base.polycrystal.method == PolycrystalMethod::distribution &&
+         std::ranges::any_of(candidates, [&](const Effect* effect) {
+           std::vector<double> values;
+           for (const auto& p : effect->parameters) values.push_back(p.low);
+           auto model = base;
+           Ports ports;
+           effect->install(values, model, ports);
+           return spread_dimensions(model.polycrystal) > spread_dimensions(base.polycrystal);
+         });
+}
+
 LeftOut left_out(const RecordingMisfit& misfit, const std::vector<double>& base, const Fit& with) {
   LeftOut out{.recordings = base.size()};
   const auto squares = squares_left_out(misfit, with);
@@ -92,12 +106,14 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
     }
 
   const auto hypothesis = base_hypothesis(base, s.bench);
+  auto fine_options = fine_simulation;
+  fine_options.every_spread = adds_a_spread(base, candidates);
   const auto simulations = choose_simulations(
       [&](const SimulationOptions& simulation_options) {
         return RecordingMisfit(s.bench, s.noise, s.train, simulation_options, s.threads)
             .residuals(hypothesis, at_rest(hypothesis));
       },
-      fine_simulation, fine_domains, s.out.health);
+      fine_options, fine_domains, s.out.health);
   RecordingMisfit misfit(s.bench, s.noise, s.train, simulations.usual, s.threads);
   RecordingMisfit fine(s.bench, s.noise, s.train, simulations.fine, s.threads);
   const auto found =

@@ -12,11 +12,10 @@ namespace {
 
 constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3,
                       most_tried = 3;
-constexpr double astray = 1.2;          // sum of squares over their number
-constexpr double most_squares = 1.2;    // likewise: the noise's level is estimated to a few percent
-constexpr double far_from_enough = 10;  // times what may be left
-constexpr double far_worse = 2;         // a sum of squares than another
-// Times what may be left: what is further from enough is not searched on.
+constexpr double astray = 1.2;        // sum of squares over their number
+constexpr double most_squares = 1.2;  // likewise: the noise's level is estimated to a few percent
+constexpr double far_worse = 2;       // a sum of squares than another
+// Times what may be left: what is further from enough is not fitted to the end, nor searched on.
 constexpr double within_reach = 30, hopeless = 1000;
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
@@ -120,6 +119,9 @@ class Namer {
   void polish(Trial& t, const std::function<void()>& in_between) const;
   std::vector<Screened> check(Trial& t, bool seconds_wanted, double from, double to) const;
   void try_singles();
+  void detect() {
+    out_.detected = !out_.trials.empty() && score(out_.trials.front(), samples_) > options_.detect;
+  }
   void compare_the_best();
   void add_pairs(const Trial& first, const std::vector<Screened>& seconds, double from, double to);
   bool check_pairs(double from, double to);
@@ -257,7 +259,7 @@ void Namer::polish(Trial& t, const std::function<void()>& in_between) const {
   correct(misfit_, fine_, t.fit);
   refresh(misfit_, t.fit);
   t.drop = base_.squares - t.fit.squares;
-  if (!options_.beyond_effects || options_.beyond_effects(t.fit) < far_from_enough * allowed(t)) {
+  if (!options_.beyond_effects || options_.beyond_effects(t.fit) < within_reach * allowed(t)) {
     settle(misfit_, fine_, t.fit, in_between);
     t.drop = base_.squares - t.fit.squares;
   }
@@ -307,7 +309,8 @@ void Namer::compare_the_best() {
 // parameters as given or, where `first` comes near, as a second one beside it.
 void Namer::try_every_effect(const Trial* first) {
   const std::vector<const Effect*> before = first != nullptr ? first->effects : std::vector<const Effect*>{};
-  const Fit& from = first != nullptr ? first->fit : rest_of(base_);
+  const bool gone_astray = base_.squares > astray * samples_;
+  const Fit& from = first != nullptr ? first->fit : gone_astray ? rest_of(base_) : base_;
   const auto stage = limits(
       2, first != nullptr ? "every effect beside the best" : "starting again from what was given", 0.95);
   std::vector<Trial> tried;
@@ -400,10 +403,14 @@ Naming Namer::find() {
                                             tick("trying every effect", 0.3 * f);
                                           }});
   try_singles();
-  out_.detected = !out_.trials.empty() && score(out_.trials.front(), samples_) > options_.detect;
+  detect();
   if (!out_.detected) {
     if (options_.beyond_effects) out_.left = options_.beyond_effects(base_);
-    return std::move(out_);
+    if (leaves_something(out_, options_) && !options_.few) {
+      try_every_effect(nullptr);
+      detect();
+    }
+    if (!out_.detected) return std::move(out_);
   }
   compare_the_best();
 
@@ -433,6 +440,10 @@ Naming Namer::find() {
 }
 
 }  // namespace
+
+bool leaves_something(const Naming& naming, const NamingOptions& options) {
+  return naming.excess > plain_excess || naming.left > options.detect;
+}
 
 double allowed_left(const NamingOptions& options, double drop) {
   return std::max(options.second, options.small_against * drop);

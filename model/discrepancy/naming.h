@@ -38,6 +38,10 @@ struct Naming {
   double left = 0;    // if nothing was detected: what functions of the signals would still take off it
 };
 
+// The noise's level is estimated to a few percent, so its square may be off by twice that.
+inline constexpr double plain_excess = 0.2;
+// Whether the base fit leaves something that is no noise, whatever it is.
+bool leaves_something(const Naming& naming, const NamingOptions& options);
 // What may be left after an explanation that brought this drop: nothing detectable, or what is small against
 // it (two programs that agree to a few parts in ten thousand).
 double allowed_left(const NamingOptions& options, double drop);

@@ -155,8 +155,10 @@ Simulations choose_simulations(const std::function<Eigen::VectorXd(const Simulat
   }
   if (health.numerical_error_over_noise > 0.05)
     health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
+  // Of the nodes that are to serve every spread, the base has a third.
+  const int more = fine.every_spread ? 4 : 1;
   for (const int count : {250, 500, 1000, 2000, 4000}) {
-    out.usual = {.tolerance = 1e-5, .domains = count};
+    out.usual = {.tolerance = 1e-5, .domains = more * count, .every_spread = fine.every_spread};
     if ((at(out.usual) - exact).norm() < below * std::sqrt(static_cast<double>(exact.size()))) break;
   }
   return out;

@@ -7,8 +7,6 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr double certain = 0.9;  // together, the names that are given
-// The noise's level is estimated to a few percent, so its square may be off by twice that.
-constexpr double plain_excess = 0.2;
 
 double logistic(double x) {
   return 1 / (1 + std::exp(-x));
@@ -23,7 +21,7 @@ double rises_at(double detect, double drop) {
 
 Judgement judge(const Naming& naming, const NamingOptions& options, double samples) {
   Judgement out;
-  if (!naming.detected && (naming.excess > plain_excess || naming.left > options.detect)) {
+  if (!naming.detected && leaves_something(naming, options)) {
     // Nothing that is known would help, but this is not noise.
     out.verdict = Verdict::unknown;
     out.probability_unknown = naming.excess > plain_excess ? certain : rises_at(options.detect, naming.left);

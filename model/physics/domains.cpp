@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "model/physics/wells.h"
 
@@ -93,8 +94,10 @@ int domains_for(const Material& m, const Polycrystal& p, double tolerance) {
   }
 }
 
-Domains make_domains(const Material& material, const Polycrystal& p, int count, std::uint64_t shift) {
-  const int dimensions = p.method == PolycrystalMethod::distribution ? spread_dimensions(p) : 0;
+Domains make_domains(const Material& material, const Polycrystal& p, int count, std::uint64_t shift,
+                     bool every_spread) {
+  const int spreads = p.method == PolycrystalMethod::distribution ? spread_dimensions(p) : 0;
+  const int dimensions = every_spread && spreads > 0 ? 3 : spreads;
   std::vector<Vector> nodes;
   if (dimensions == 0 || count <= 1) {
     nodes.emplace_back(Vector::Zero());
@@ -105,7 +108,8 @@ Domains make_domains(const Material& material, const Polycrystal& p, int count, 
     for (const double contribution :
          {p.barrier_log_std * 4 * material.barrier, p.interaction_field_std * material.remanent_polarization,
           p.interaction_stress_std * std::abs(material.remanent_strain_90)})
-      if (contribution != 0) reach[next++] = contribution;
+      if (contribution != 0 || dimensions == 3) reach[next++] = contribution;
+    reach = reach.cwiseMax(1e-6 * reach.maxCoeff());
     const Vector edges = cell_edges(reach, dimensions, ball_volume(dimensions, radius) / count);
     // Shifts by multiples of the golden ratio's higher-dimensional kin are spread evenly over the cell.
     Vector offset = Vector::Zero();
@@ -131,16 +135,28 @@ Domains make_domains(const Material& material, const Polycrystal& p, int count, 
 
   Domains out;
   double total = 0;
+  std::map<std::array<double, 3>, std::size_t> same;  // only where a spread of the lattice is zero
   for (const auto& z : nodes) {
     int next = 0;
-    const auto coordinate = [&](double std) { return std != 0 && dimensions > 0 ? z[next++] : 0.0; };
+    const auto coordinate = [&](double std) {
+      const double at = (std != 0 || dimensions == 3) && dimensions > 0 ? z[next++] : 0.0;
+      return std != 0 ? at : 0.0;
+    };
     const double z1 = coordinate(p.barrier_log_std), z2 = coordinate(p.interaction_field_std),
                  z3 = coordinate(p.interaction_stress_std);
+    const double weight = std::exp(-0.5 * (z[0] * z[0] + z[1] * z[1] + z[2] * z[2]));
+    total += weight;
+    if (dimensions > spreads) {
+      const auto [known, is_new] = same.try_emplace({z1, z2, z3}, out.size());
+      if (!is_new) {
+        out.weight[known->second] += weight;
+        continue;
+      }
+    }
     out.barrier.push_back(material.barrier * std::exp(p.barrier_log_std * z1));
     out.field.push_back(p.bias_field + p.interaction_field_std * z2);
     out.stress.push_back(p.interaction_stress_std * z3);
-    out.weight.push_back(std::exp(-0.5 * (z1 * z1 + z2 * z2 + z3 * z3)));
-    total += out.weight.back();
+    out.weight.push_back(weight);
   }
   for (auto& w : out.weight) w /= total;
   return out;

@@ -26,9 +26,11 @@ struct Domains {
   std::size_t size() const { return weight.size(); }
 };
 
-// About `count` nodes (one if no spread is set). `shift` picks one of the lattice's shifts.
-Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count,
-                     std::uint64_t shift);
+// About `count` nodes (one if no spread is set). `shift` picks one of the lattice's shifts. `every_spread`:
+// the lattice is that of three spreads and nodes that differ only in spreads of zero become one, so that the
+// quadrature's error does not jump where a spread is switched on.
+Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count, std::uint64_t shift,
+                     bool every_spread = false);
 
 // The number of spreads that are not zero.
 int spread_dimensions(const Polycrystal& polycrystal);
