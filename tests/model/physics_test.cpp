@@ -57,6 +57,38 @@ TEST(Simulation, EndsAtItsBoundOfSteps) {
   }
 }
 
+// The lattice of three spreads, for models that lack one: as right as their own, and no jump as it is
+// switched on.
+TEST(Quadrature, DoesNotJumpWhereASpreadIsSwitchedOn) {
+  std::vector<double> time, field;
+  for (int i = 0; i <= 200; ++i) {
+    time.push_back(0.02 * i);
+    field.push_back(1.5e6 * std::sin(M_PI * time.back()));
+  }
+  const auto rms = [](const std::vector<double>& a, const std::vector<double>& b) {
+    const auto [low, high] = std::ranges::minmax(a);
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return std::sqrt(sum / static_cast<double>(a.size())) / (high - low);
+  };
+  using Spread = double Polycrystal::*;
+  const auto spreads = {std::pair<Spread, double>{&Polycrystal::barrier_log_std, 1e-9},
+                        {&Polycrystal::interaction_field_std, 1e-3},
+                        {&Polycrystal::interaction_stress_std, 1e-2}};
+  for (const auto& [spread, hardly] : spreads) {
+    auto model = library_model("soft-pzt");
+    model.polycrystal.barrier_log_std = 0.3;
+    model.polycrystal.interaction_field_std = 6e4;
+    model.polycrystal.interaction_stress_std = 5e6;
+    const SimulationOptions every{.tolerance = 1e-6, .domains = 1000, .every_spread = true};
+    model.polycrystal.*spread = 0;
+    const auto without = simulate(model, time, field, every).charge;
+    EXPECT_LT(rms(simulate(model, time, field, {.tolerance = 1e-6, .domains = 8000}).charge, without), 1e-3);
+    model.polycrystal.*spread = hardly;
+    EXPECT_LT(rms(without, simulate(model, time, field, every).charge), 1e-7);
+  }
+}
+
 // F_{a,90} = g_a - g_90, whose derivatives by field and stress are -<P>_a + <P>_90 and -<eps>_a + <eps>_90.
 TEST(Wells, AreTheDerivativesOfTheFreeEnergy) {
   Material m;
