@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 
 #include "model/on_recording.h"
 #include "model/simulator.h"
@@ -414,7 +413,8 @@ std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchR
   return out;
 }
 
-std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings) {
+std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings,
+                                  const std::set<std::size_t>& never) {
   const std::size_t n = recordings.size();
   std::vector<bool> out(n, false);
   if (n < 3) return out;
@@ -445,7 +445,7 @@ std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings)
     std::size_t best = n;
     double most = -1;
     for (std::size_t i = 0; i < n; ++i) {
-      if (out[i]) continue;
+      if (out[i] || never.contains(i)) continue;
       auto trial = out;
       trial[i] = true;
       if (const double w = worth(trial); w > most) {
@@ -453,7 +453,7 @@ std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings)
         best = i;
       }
     }
-    out[best] = true;
+    if (best < n) out[best] = true;
   }
   return out;
 }

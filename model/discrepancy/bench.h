@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <array>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -68,7 +69,9 @@ std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchR
                                                 SimulationStatistics* statistics = nullptr);
 
 // Which recordings to lock away for the proof: about a quarter of them (none of fewer than three), so that
-// every kind of stretch, and every load, stays on both sides as far as that goes.
-std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings);
+// every kind of stretch, and every load, stays on both sides as far as that goes. `never`: none of these
+// indices.
+std::vector<bool> choose_held_out(const std::vector<BenchRecording>& recordings,
+                                  const std::set<std::size_t>& never = {});
 
 }  // namespace ferrobench::model::discrepancy

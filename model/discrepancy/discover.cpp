@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <set>
 
 #include "model/discrepancy/experiment.h"
 #include "model/discrepancy/left_out.h"
@@ -48,19 +49,46 @@ struct Session {
   std::vector<std::size_t> train, held_out;
 };
 
-void split(Session& s) {
-  auto held = choose_held_out(s.bench);
-  if (!s.options.held_out.empty()) {
-    std::vector<std::string> names;
-    for (const auto& r : s.bench) names.push_back(r.name);
-    check_held_out(s.options.held_out, names);
-    for (std::size_t i = 0; i < names.size(); ++i)
-      held[i] = std::ranges::find(s.options.held_out, names[i]) != s.options.held_out.end();
-  }
+void split(Session& s, const std::vector<bool>& held) {
+  s.train.clear();
+  s.held_out.clear();
   for (std::size_t i = 0; i < s.bench.size(); ++i) {
     (held[i] ? s.held_out : s.train).push_back(i);
     (held[i] ? s.out.held_out : s.out.train).recordings.push_back(s.bench[i].name);
   }
+}
+
+std::vector<bool> held_out_by(const Session& s) {
+  const auto& wanted = s.options.held_out;
+  if (wanted.empty()) return choose_held_out(s.bench);
+  std::vector<std::string> names;
+  for (const auto& r : s.bench) names.push_back(r.name);
+  check_held_out(wanted, names);
+  std::vector<bool> held;
+  for (const auto& name : names) held.push_back(std::ranges::find(wanted, name) != wanted.end());
+  return held;
+}
+
+// Recordings of which a channel is plainly not explained.
+std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Residuals& residuals) {
+  std::set<std::size_t> out;
+  for (std::size_t i = 0; i < residuals.size(); ++i)
+    for (const auto& channel : residuals[i]) {
+      double sum = 0, count = 0;
+      for (const double e : channel) {
+        if (std::isnan(e)) continue;
+        sum += e * e;
+        ++count;
+      }
+      if (sum > (1 + plain_excess) * count) out.insert(misfit.chosen()[i]);
+    }
+  return out;
+}
+
+std::string names_of(const Session& s, const std::set<std::size_t>& recordings) {
+  std::string out;
+  for (const auto i : recordings) out += (out.empty() ? "" : ", ") + s.bench[i].name;
+  return out;
 }
 
 // Whether one of them switches a spread on that the base does not have.
@@ -86,25 +114,9 @@ LeftOut left_out(const RecordingMisfit& misfit, const std::vector<double>& base,
   return out;
 }
 
-}  // namespace
-
-Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
-                   const DiscoverOptions& options) {
-  Session s(options);
-  s.tick("reading the recordings", 0);
-  const auto candidates = candidates_of(base, options.candidates);
-  for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
-  s.bench = prepare(base, recordings, rows_together, s.out.health.warnings);
-  recordings.clear();
-  split(s);
-  s.noise = estimate_noise(s.bench, s.out.health.warnings);
-  for (std::size_t r = 0; r < s.bench.size(); ++r)
-    for (std::size_t c = 0; c < s.bench[r].channels.size(); ++c) {
-      auto& n = s.out.health.noise[s.bench[r].channels[c].channel];
-      if (s.noise[r][c].std() > n.std)
-        n = {s.noise[r][c].std(), s.noise[r][c].slow > 0, s.noise[r][c].correlation_time};
-    }
-
+// The workflow for one choice of what is locked away. Gives the locked recordings that the recalibrated base
+// does not explain.
+std::set<std::size_t> learn(Session& s, const Model& base, const std::vector<const Effect*>& candidates) {
   const auto hypothesis = base_hypothesis(base, s.bench);
   auto fine_options = fine_simulation;
   fine_options.every_spread = adds_a_spread(base, candidates);
@@ -119,7 +131,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   const auto found =
       search(misfit, fine, hypothesis,
              {.candidates = candidates,
-              .seed = options.seed,
+              .seed = s.options.seed,
               .small_against = 1e-4,
               .roughly_fitted =
                   [&](const Fit& f) {
@@ -149,19 +161,63 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
         choose_experiment(misfit, s.noise, rivals[0].first->fit, rivals[1].first->fit, evidence_scale);
   }
   s.tick("the proof", 0.95);
+  std::set<std::size_t> strange;
   const auto residuals = plain_residuals(fine, fitted.hypothesis, fitted.z);
   out.where = excess_by_stretch(fine, residuals);
   out.train.before = rms_by_channel(fine, residuals);
   out.train.after = rms_by_channel(fine, plain_residuals(fine, after.hypothesis, after.z));
   if (!s.held_out.empty()) {
     const RecordingMisfit locked(s.bench, s.noise, s.held_out, simulations.fine, s.threads);
-    out.held_out.before = rms_by_channel(locked, plain_residuals(locked, fitted.hypothesis, fitted.z));
+    const auto locked_residuals = plain_residuals(locked, fitted.hypothesis, fitted.z);
+    strange = unexplained(locked, locked_residuals);
+    out.held_out.before = rms_by_channel(locked, locked_residuals);
     out.held_out.after = rms_by_channel(locked, plain_residuals(locked, after.hypothesis, after.z));
     out.traces = traces(locked, fitted.hypothesis, fitted.z, after.hypothesis, after.z, 2, true);
   }
   for (auto& t : traces(misfit, fitted.hypothesis, fitted.z, after.hypothesis, after.z, 4, false))
     out.traces.push_back(std::move(t));
-  out.health.simulations = misfit.simulations();
+  out.health.simulations += misfit.simulations();
+  return strange;
+}
+
+}  // namespace
+
+Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
+                   const DiscoverOptions& options) {
+  Session s(options);
+  s.tick("reading the recordings", 0);
+  const auto candidates = candidates_of(base, options.candidates);
+  for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
+  s.bench = prepare(base, recordings, rows_together, s.out.health.warnings);
+  recordings.clear();
+  s.noise = estimate_noise(s.bench, s.out.health.warnings);
+  for (std::size_t r = 0; r < s.bench.size(); ++r)
+    for (std::size_t c = 0; c < s.bench[r].channels.size(); ++c) {
+      auto& n = s.out.health.noise[s.bench[r].channels[c].channel];
+      if (s.noise[r][c].std() > n.std)
+        n = {s.noise[r][c].std(), s.noise[r][c].slow > 0, s.noise[r][c].correlation_time};
+    }
+
+  split(s, held_out_by(s));
+  const auto health = s.out.health;
+  auto strange = learn(s, base, candidates);
+  if (s.out.verdict == Verdict::nothing_missing && !strange.empty() && options.held_out.empty()) {
+    // What is missing shows only there: so those are learned from, and others locked away.
+    const int simulations = s.out.health.simulations;
+    s.out = {};
+    s.out.health = health;
+    s.out.health.simulations = simulations;
+    s.out.health.warnings.push_back("What the others do not show was found in " + names_of(s, strange) +
+                                    ", locked away at first: learned from, and others locked away instead.");
+    const auto tick = s.tick;
+    s.tick = [tick](const std::string& stage, double f) { tick(stage, 0.95 + 0.05 * f); };
+    split(s, choose_held_out(s.bench, strange));
+    strange = learn(s, base, candidates);
+  }
+  auto& out = s.out;
+  if (out.verdict == Verdict::nothing_missing && !strange.empty())
+    out.health.warnings.push_back("What was locked away is not explained in " + names_of(s, strange) +
+                                  ": something may be missing that shows only there.");
   out.health.seconds = std::chrono::duration<double>(Clock::now() - s.begin).count();
   out.sentences = findings(out);
   s.tick("done", 1);

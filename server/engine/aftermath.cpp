@@ -14,10 +14,14 @@ namespace {
 using nlohmann::json;
 using Tell = std::function<void(bool, const std::string&)>;
 
+std::string text_at(const json& object, const char* key) {
+  return object.contains(key) && object[key].is_string() ? object[key].get<std::string>() : "";
+}
+
 // The device's configuration, if its output stays where it is when the program dies; else null.
 json configuration_of(const json& device) {
   if (!device.is_object() || !device.contains("configuration")) return nullptr;
-  const auto driver = device.value("driver", "");
+  const auto driver = text_at(device, "driver");
   const auto kinds = daq::device_kinds();
   const auto kind = std::ranges::find(kinds, driver, &daq::DeviceKind::name);
   if (kind == kinds.end() || !kind->keeps_output) return nullptr;
@@ -31,15 +35,19 @@ void bring_to_zero(const std::vector<std::string>& broken, const Tell& tell) {
   std::set<std::pair<std::string, json>> seen;
   for (const auto& path : broken) {
     if (recordings::journal_state(path) != recordings::JournalState::left) continue;
-    const auto name = std::filesystem::path(path).stem().string();
-    std::string what = "the device of run " + name;
+    json device;
     try {
-      const auto device = recordings::read_summary(path).header.device;
-      const auto configuration = configuration_of(device);
-      if (configuration.is_null()) continue;
-      const auto driver = device.at("driver").get<std::string>();
-      what = driver + " unit " + device.value("serial_number", "") + ", which run " + name + " had";
-      if (!seen.emplace(driver, configuration).second) continue;
+      device = recordings::read_summary(path).header.device;
+    } catch (const Error&) {  // its recovery says what is wrong with it
+      continue;
+    }
+    const auto configuration = configuration_of(device);
+    if (configuration.is_null()) continue;
+    const auto driver = device["driver"].get<std::string>();
+    if (!seen.emplace(driver, configuration).second) continue;
+    const auto what = driver + " unit " + text_at(device, "serial_number") + ", which run " +
+                      std::filesystem::path(path).stem().string() + " had";
+    try {
       // Opening a device brings its output to zero.
       const auto opened = daq::open_device(driver, configuration);
       if (opened->output() != 0) throw Error(ErrorCode::device_lost, "it does not obey");
@@ -61,7 +69,10 @@ void put_right(const std::string& folder, const Tell& tell) {
       const auto done = recordings::recover_recording(path);
       tell(false, std::string(recovered_name(done.outcome)) + " " + name + ": " + done.message);
     } catch (const Error& error) {
-      tell(true, name + " cannot be recovered, see 'ferrobench recover': " + error.what());
+      tell(true, name +
+                     " cannot be recovered, see 'ferrobench recover'; if its run had hardware, see that its "
+                     "output is at zero: " +
+                     error.what());
     }
   }
 }

@@ -84,7 +84,8 @@ void add_run_methods(Dispatcher& rpc, Engine& engine) {
                      });
   rpc.add<AbortParams>(
       {.name = "run.abort",
-       .doc = "The emergency stop: the output ramps to zero. For everybody, whoever holds the lease.",
+       .doc = "The emergency stop: the output ramps to zero; without a run's id that of a self-test too. For "
+              "everybody, whoever holds the lease.",
        .role = Role::stop},
       [&engine](const AbortParams& p, CallContext& caller) {
         engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason));
