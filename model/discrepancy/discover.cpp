@@ -69,22 +69,6 @@ std::vector<bool> held_out_by(const Session& s) {
   return held;
 }
 
-// Recordings of which a channel is plainly not explained.
-std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Residuals& residuals) {
-  std::set<std::size_t> out;
-  for (std::size_t i = 0; i < residuals.size(); ++i)
-    for (const auto& channel : residuals[i]) {
-      double sum = 0, count = 0;
-      for (const double e : channel) {
-        if (std::isnan(e)) continue;
-        sum += e * e;
-        ++count;
-      }
-      if (sum > (1 + plain_excess) * count) out.insert(misfit.chosen()[i]);
-    }
-  return out;
-}
-
 std::string names_of(const Session& s, const std::set<std::size_t>& recordings) {
   std::string out;
   for (const auto i : recordings) out += (out.empty() ? "" : ", ") + s.bench[i].name;
@@ -198,14 +182,13 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
         n = {s.noise[r][c].std(), s.noise[r][c].slow > 0, s.noise[r][c].correlation_time};
     }
 
+  const auto as_read = s.out;
   split(s, held_out_by(s));
-  const auto health = s.out.health;
   auto strange = learn(s, base, candidates);
   if (s.out.verdict == Verdict::nothing_missing && !strange.empty() && options.held_out.empty()) {
     // What is missing shows only there: so those are learned from, and others locked away.
     const int simulations = s.out.health.simulations;
-    s.out = {};
-    s.out.health = health;
+    s.out = as_read;
     s.out.health.simulations = simulations;
     s.out.health.warnings.push_back("What the others do not show was found in " + names_of(s, strange) +
                                     ", locked away at first: learned from, and others locked away instead.");

@@ -305,14 +305,18 @@ void Namer::compare_the_best() {
 }
 
 // The parameters may have made up for what is missing in a way that leads away from it, and the screen,
-// which is linear, not see it: every effect at plausible strengths, and everything refitted. From the
-// parameters as given or, where `first` comes near, as a second one beside it.
+// which is linear, not see it: every effect at plausible strengths, and everything refitted. As a second one
+// beside `first` where that comes near, else from where the base stands or, if that is astray, from the
+// parameters as given.
 void Namer::try_every_effect(const Trial* first) {
   const std::vector<const Effect*> before = first != nullptr ? first->effects : std::vector<const Effect*>{};
   const bool gone_astray = base_.squares > astray * samples_;
   const Fit& from = first != nullptr ? first->fit : gone_astray ? rest_of(base_) : base_;
-  const auto stage = limits(
-      2, first != nullptr ? "every effect beside the best" : "starting again from what was given", 0.95);
+  const auto stage = limits(2,
+                            first != nullptr ? "every effect beside the best"
+                            : gone_astray    ? "starting again from what was given"
+                                             : "every effect at plausible strengths",
+                            0.95);
   std::vector<Trial> tried;
   const auto start = [&](const Effect& e, const Starts& starts) {
     if (before.empty() && !from_rest_.insert(&e).second) return;

@@ -3,10 +3,23 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/discrepancy/naming.h"
+
 namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr std::size_t fewest_rows = 15;  // of a stretch that says anything
+
+struct Squares {
+  double sum = 0;
+  std::size_t count = 0;
+  void add(double e) {
+    if (std::isnan(e)) return;
+    sum += e * e;
+    ++count;
+  }
+  double mean() const { return sum / static_cast<double>(count); }
+};
 
 std::vector<std::vector<std::vector<double>>> simulate_all(const RecordingMisfit& misfit, const Hypothesis& h,
                                                            const Eigen::VectorXd& z) {
@@ -28,17 +41,25 @@ Residuals plain_residuals(const RecordingMisfit& misfit, const Hypothesis& hypot
 }
 
 ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Residuals& residuals) {
-  std::map<recordings::Channel, std::pair<double, double>> sums;
+  std::map<recordings::Channel, Squares> squares;
   for (std::size_t i = 0; i < residuals.size(); ++i)
     for (std::size_t c = 0; c < residuals[i].size(); ++c)
-      for (const double e : residuals[i][c]) {
-        if (std::isnan(e)) continue;
-        auto& [sum, count] = sums[misfit.bench()[misfit.chosen()[i]].channels[c].channel];
-        sum += e * e;
-        ++count;
-      }
+      for (const double e : residuals[i][c])
+        squares[misfit.bench()[misfit.chosen()[i]].channels[c].channel].add(e);
   ChannelFigures out;
-  for (const auto& [channel, s] : sums) out[channel] = std::sqrt(s.first / s.second);
+  for (const auto& [channel, s] : squares)
+    if (s.count > 0) out[channel] = std::sqrt(s.mean());
+  return out;
+}
+
+std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Residuals& residuals) {
+  std::set<std::size_t> out;
+  for (std::size_t i = 0; i < residuals.size(); ++i)
+    for (const auto& channel : residuals[i]) {
+      Squares squares;
+      for (const double e : channel) squares.add(e);
+      if (squares.count > 0 && squares.mean() > 1 + plain_excess) out.insert(misfit.chosen()[i]);
+    }
   return out;
 }
 
@@ -47,19 +68,13 @@ std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Resid
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const auto& r = misfit.bench()[misfit.chosen()[i]];
     for (std::size_t c = 0; c < residuals[i].size(); ++c) {
-      std::array<double, stretch_count> sum{};
-      std::array<std::size_t, stretch_count> count{};
-      for (std::size_t row = 0; row < r.time.size(); ++row) {
-        const double e = residuals[i][c][row];
-        if (std::isnan(e)) continue;
-        const auto s = static_cast<std::size_t>(r.stretch[row]);
-        sum.at(s) += e * e;
-        ++count.at(s);
-      }
+      std::array<Squares, stretch_count> squares{};
+      for (std::size_t row = 0; row < r.time.size(); ++row)
+        squares.at(static_cast<std::size_t>(r.stretch[row])).add(residuals[i][c][row]);
       for (std::size_t s = 0; s < stretch_count; ++s)
-        if (count.at(s) >= fewest_rows)
+        if (squares.at(s).count >= fewest_rows)
           out.push_back({r.name, r.channels[c].channel, std::string(stretch_name(static_cast<Stretch>(s))),
-                         std::sqrt(sum.at(s) / static_cast<double>(count.at(s)))});
+                         std::sqrt(squares.at(s).mean())});
     }
   }
   std::ranges::stable_sort(out, std::greater<>(), &Excess::excess);

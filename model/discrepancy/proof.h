@@ -2,6 +2,8 @@
 // noise, not whitened, offsets taken out.
 #pragma once
 
+#include <set>
+
 #include "model/discrepancy/least_squares.h"
 
 namespace ferrobench::model::discrepancy {
@@ -12,6 +14,8 @@ Residuals plain_residuals(const RecordingMisfit& misfit, const Hypothesis& hypot
                           const Eigen::VectorXd& z);
 
 ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Residuals& residuals);
+// Recordings (indices in the bench) of which a channel is further from the noise than its level may be off.
+std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Residuals& residuals);
 // By recording, channel and kind of stretch; worst first.
 std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Residuals& residuals);
 

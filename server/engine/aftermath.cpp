@@ -1,5 +1,6 @@
 #include "server/engine/aftermath.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <set>
 

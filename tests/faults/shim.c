@@ -1,9 +1,11 @@
 // Loaded before the C library (LD_PRELOAD): lets one system call on files below a folder fail.
 //
-//   FAULT_FOLDER  only files below it are looked at
-//   FAULT_KIND    EIO, ENOSPC, EINTR, short (a write of half the bytes) or full (ENOSPC from then on, for all
-//   that takes room) FAULT_AT      which call, from 1; 0: none FAULT_COUNT   file that gets the number of
-//   calls at the end FAULT_WHEN    instead of FAULT_AT: the first call once this file is there
+// - FAULT_FOLDER: only files below it are looked at
+// - FAULT_KIND: EIO, ENOSPC, EINTR, short (a write of half the bytes), hang (13 s); and from then on: full
+//   (ENOSPC for all that takes room), slow (0.4 s)
+// - FAULT_AT: which call, from 1; 0: none
+// - FAULT_WHEN: instead of FAULT_AT, the first call once this file is there
+// - FAULT_COUNT: file that gets the number of calls at the end
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>

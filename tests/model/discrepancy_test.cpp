@@ -151,6 +151,30 @@ TEST(Discrepancy, NamesALimitThatFewRampsPass) {
   EXPECT_NEAR(found.explanations.front().effects.front().parameters.front().value, 4e6, 4e4);
 }
 
+// What shows in a locked recording alone is no "nothing is missing".
+TEST(Discrepancy, LearnsFromALockedRecordingThatIsNotExplained) {
+  auto recordings = measure(real_bench());
+  std::vector<std::string> warnings;
+  const auto held = discrepancy::choose_held_out(discrepancy::prepare(given(), recordings, 40000, warnings));
+  const auto locked = static_cast<std::size_t>(std::ranges::find(held, true) - held.begin());
+  ASSERT_LT(locked, recordings.size());
+  auto& [name, recording] = recordings[locked];
+  auto drifting = recording.at(Channel::displacement);
+  for (std::size_t i = 0; i < recording.size(); ++i) drifting[i] += 1e-7 * recording.time[i];
+  recording.set(Channel::displacement) = drifting;
+
+  const auto found = discover(given(), recordings);
+  EXPECT_NE(found.verdict, Verdict::nothing_missing) << text_report(found);
+  EXPECT_THAT(found.train.recordings, testing::Contains(name));
+  EXPECT_FALSE(found.held_out.recordings.empty());
+  EXPECT_THAT(found.health.warnings, testing::Contains(HasSubstr(name + ", locked away at first")));
+
+  const auto kept = discover(given(), recordings, {.held_out = {name}, .candidates = {}, .progress = {}});
+  EXPECT_THAT(kept.held_out.recordings, testing::ElementsAre(name));
+  EXPECT_EQ(kept.verdict, Verdict::nothing_missing) << text_report(kept);
+  EXPECT_THAT(kept.health.warnings, testing::Contains(HasSubstr("not explained in " + name)));
+}
+
 // What the second one does is a thousandth of the first one's part.
 TEST(Discrepancy, NamesAWeakEffectBesideAStrongOne) {
   auto bench = real_bench();
