@@ -17,6 +17,7 @@ enum ExitCode { exit_ok = 0, exit_error = 1, exit_usage = 2, exit_interrupted = 
 struct Common {
   std::string data;             // --data; "": the default folder
   std::string socket;           // --socket; "": that of the data folder
+  std::string lease;            // --lease; "": none
   std::function<int()> action;  // set by the subcommand that was chosen
   std::string data_folder() const;
   std::string socket_path() const;

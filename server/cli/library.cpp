@@ -149,9 +149,10 @@ void add_call(CLI::App& app, Common& common) {
   sub->callback([o, &common] {
     common.action = [o, &common] {
       const auto params = parse_json_text(o->params, ErrorCode::invalid_params, "the parameters");
-      if (o->url.empty()) return print(server::Client::connect(common.socket_path()).call(o->method, params));
+      if (o->url.empty()) return print(daemon(common).call(o->method, params));
       const auto file = o->token_file.empty() ? server::state_folder() / "token" : fs::path(o->token_file);
-      return print(server::call_remote({o->url, o->ca, server::load_token(file)}, o->method, params));
+      return print(
+          server::call_remote({o->url, o->ca, server::load_token(file), common.lease}, o->method, params));
     };
   });
 }

@@ -28,6 +28,8 @@ void build(CLI::App& app, Common& common) {
   app.add_option("--socket", common.socket,
                  "Unix socket of the daemon; default: daemon.sock in the data folder")
       ->type_name("PATH");
+  app.add_option("--lease", common.lease, "what lease.acquire told, while only its holder may control")
+      ->envname("FERROBENCH_LEASE");
   app.require_subcommand(1);
   app.fallthrough();
   app.get_formatter()->column_width(34);

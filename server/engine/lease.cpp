@@ -13,7 +13,9 @@ Error refused(const std::string& holder, double seconds) {
   return {
       ErrorCode::not_controller, "another client controls the bench",
       Problem{.message = "held by " + holder + " for another " + std::to_string(std::lround(seconds)) + " s",
-              .hint = "viewing stays possible; to control, wait until the lease is released or runs out"}};
+              .hint =
+                  "viewing stays possible; to control, present the lease if it is yours (--lease), or wait "
+                  "until it is released or runs out"}};
 }
 
 }  // namespace
@@ -41,6 +43,13 @@ void Lease::demand_token(const std::string& given) const {
               Problem{.path = "/lease",
                       .message = held() ? "is not the one in force" : "has run out or was released",
                       .hint = "lease.acquire a new one"});
+}
+
+LeaseStatus Lease::present(CallContext& caller, const std::string& lease) {
+  const std::scoped_lock lock(mutex_);
+  demand_token(lease);
+  caller.lease = token_;
+  return tell(true);
 }
 
 LeaseStatus Lease::renew(CallContext& caller, const std::string& lease, double seconds) {

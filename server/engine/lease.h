@@ -29,6 +29,8 @@ class Lease {
   // The caller holds it from now on. Error(not_controller) if another one does.
   // `stop_run`: see lost().
   LeaseStatus acquire(CallContext& caller, double seconds, bool stop_run = false);
+  // The caller has it as well from now on; how long it lasts stays as it is.
+  LeaseStatus present(CallContext& caller, const std::string& lease);
   // `lease` "": the one the caller presented. A new connection may renew an old one's lease, and has it then.
   LeaseStatus renew(CallContext& caller, const std::string& lease, double seconds);
   void release(CallContext& caller, const std::string& lease);

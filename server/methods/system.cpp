@@ -63,6 +63,14 @@ void describe(Visitor& visit, ReleaseParams& p) {
   visit("lease", p.lease, {.doc = "\"\": the one of this connection"});
 }
 
+struct PresentParams {
+  std::string lease{};
+};
+template <class Visitor>
+void describe(Visitor& visit, PresentParams& p) {
+  visit("lease", p.lease, {.required = true, .doc = "as lease.acquire told it"});
+}
+
 struct AcquireParams {
   double seconds = 60;
   bool stop_run = false;
@@ -111,13 +119,18 @@ void add_jobs(Dispatcher& rpc, Engine& engine) {
 
 void add_leases(Dispatcher& rpc, Engine& engine) {
   rpc.add<AcquireParams>({.name = "lease.acquire",
-                          .doc = "Makes the caller the only one who may control. By HTTP, present it as "
-                                 "Ferrobench-Lease. Anybody may "
-                                 "still run.abort.",
+                          .doc = "Makes the caller the only one who may control. Another connection may "
+                                 "lease.present it, by HTTP as the field Ferrobench-Lease. Anybody may still "
+                                 "run.abort.",
                           .audited = true},
                          [&engine](const AcquireParams& p, CallContext& caller) {
                            return engine.lease().acquire(caller, p.seconds, p.stop_run);
                          });
+  rpc.add<PresentParams>(
+      {.name = "lease.present", .doc = "Lets this connection control as well, as long as the lease lasts."},
+      [&engine](const PresentParams& p, CallContext& caller) {
+        return engine.lease().present(caller, p.lease);
+      });
   rpc.add<LeaseParams>({.name = "lease.renew", .doc = "Keeps the lease for another while."},
                        [&engine](const LeaseParams& p, CallContext& caller) {
                          return engine.lease().renew(caller, p.lease, p.seconds);

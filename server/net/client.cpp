@@ -193,9 +193,12 @@ json call_remote(const Remote& remote, const std::string& method, const json& pa
   const std::unique_ptr<CURL, void (*)(CURL*)> curl(curl_easy_init(), curl_easy_cleanup);
   if (!curl) unreachable(remote, "libcurl cannot start");
   std::unique_ptr<curl_slist, void (*)(curl_slist*)> fields(nullptr, curl_slist_free_all);
-  for (const auto& field :
-       {"Authorization: Bearer " + remote.token, std::string("Content-Type: application/json")})
+  const auto add = [&](const std::string& field) {
     fields.reset(curl_slist_append(fields.release(), field.c_str()));
+  };
+  add("Authorization: Bearer " + remote.token);
+  add("Content-Type: application/json");
+  if (!remote.lease.empty()) add("Ferrobench-Lease: " + remote.lease);
   const auto url = remote.url.substr(0, remote.url.find_last_not_of('/') + 1) + "/rpc";
   const auto request = json{{"jsonrpc", "2.0"}, {"method", method}, {"params", params}, {"id", 1}}.dump(
       -1, ' ', false, json::error_handler_t::replace);

@@ -52,6 +52,7 @@ struct Remote {
   std::string url;  // "https://bench.lab:8377"
   std::string ca;   // PEM file of the certificate that its own is signed by, or of its own; "": the system's
   std::string token;  // of that daemon
+  std::string lease{};  // presented unless ""
 };
 
 // One call by HTTPS; errors as those of Client::call(). Error(invalid_params) for an address that would carry

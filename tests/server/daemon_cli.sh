@@ -32,4 +32,13 @@ wait "$run" || code=$?
 "$program" call run.status >"$DATA/status"
 grep -q '"state": "aborted"' "$DATA/status" || fail "the run was not aborted"
 grep -q '"output_at_zero": true' "$DATA/status" || fail "the output is not at zero"
+
+# One controller: others are refused until they show the lease.
+lease=$("$program" call lease.acquire '{"duration_s": 60}' | sed -n 's/.*"lease": "\(.*\)".*/\1/p')
+[ -n "$lease" ] || fail "no lease was told"
+"$program" run stage-full-range --model soft-pzt --fast --quiet >/dev/null 2>"$DATA/said" && fail "it ran without the lease"
+grep -q -- "--lease" "$DATA/said" || fail "it does not say how to show the lease"
+"$program" run stage-full-range --model soft-pzt --fast --quiet --lease "$lease" >/dev/null || fail "refused with --lease"
+"$program" --lease no-such-lease list >/dev/null 2>&1 && fail "took a lease that is none"
+FERROBENCH_LEASE=$lease "$program" call lease.release >/dev/null || fail "refused with FERROBENCH_LEASE"
 echo "the command line works through the daemon"

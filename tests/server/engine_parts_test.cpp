@@ -108,6 +108,16 @@ TEST_F(EngineTest, TheLeaseIsTheGate) {
   EXPECT_EQ(rpc.call("lease.status", nullptr, two)["holder"], "one");
   EXPECT_EQ(rpc.call("lease.status", nullptr, two)["lease"], "");
   // Whoever shows the lease has it, on whatever connection.
+  CallContext same{.client = "same", .lease = "", .subscriber = nullptr};
+  EXPECT_EQ(code_of([&] {
+              rpc.call("lease.present", {{"lease", "another"}}, same);
+            }),
+            ErrorCode::not_controller);
+  EXPECT_EQ(code_of([&] { rpc.call("limits.set", limits, same); }), ErrorCode::not_controller);
+  const auto shown = rpc.call("lease.present", {{"lease", held["lease"]}}, same);
+  EXPECT_LE(shown["expires_in_s"], held["expires_in_s"]);
+  EXPECT_EQ(shown["holder"], "one");
+  EXPECT_NO_THROW(rpc.call("limits.set", limits, same));
   rpc.call("lease.renew", {{"lease", held["lease"]}}, two);
   EXPECT_NO_THROW(rpc.call("limits.set", limits, two));
   rpc.call("lease.release", nullptr, two);

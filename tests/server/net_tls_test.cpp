@@ -149,6 +149,9 @@ TEST_F(Tls, CallsFromTheCommandLineOfAnotherMachine) {
   EXPECT_EQ(call_remote(remote, "echo", {{"value", {1, "two\nlines"}}}), (json{1, "two\nlines"}));
   EXPECT_EQ(code_of([&] { call_remote(remote, "ecko", json::object()); }), ErrorCode::not_found);
   auto changed = remote;
+  changed.lease = "1234";
+  EXPECT_EQ(call_remote(changed, "who", json::object())[1], "1234");
+  changed = remote;
   changed.token = std::string(64, '0');
   EXPECT_EQ(code_of([&] { call_remote(changed, "count", json::object()); }), ErrorCode::unauthorized);
   changed = remote;
