@@ -54,8 +54,8 @@ class Audit::File {
   std::uint64_t lost() const { return writer_->overrun_counter(); }
 
  private:
-  std::shared_ptr<spdlog::details::thread_pool> writer_;
   std::shared_ptr<spdlog::async_logger> log_;
+  std::shared_ptr<spdlog::details::thread_pool> writer_;  // ends first: writes what waits
 };
 
 Audit::Audit(const std::filesystem::path& folder, std::string secret, AuditLimits limits)

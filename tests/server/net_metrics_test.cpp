@@ -66,7 +66,8 @@ Exposition parse(const std::string& text) {
     EXPECT_EQ(of, family) << "a sample outside its family";
     EXPECT_TRUE(out.types.contains(family));
     char* end = nullptr;
-    const double value = std::strtod(parts[5].str().c_str(), &end);
+    const auto number = parts[5].str();
+    const double value = std::strtod(number.c_str(), &end);
     EXPECT_EQ(*end, 0);
     EXPECT_TRUE(out.samples.emplace(parts[1].str() + parts[2].str(), value).second) << "a sample twice";
     if (out.types[family] == "counter") {
