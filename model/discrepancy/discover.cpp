@@ -65,6 +65,7 @@ std::vector<bool> held_out_by(const Session& s) {
   for (const auto& r : s.bench) names.push_back(r.name);
   check_held_out(wanted, names);
   std::vector<bool> held;
+  held.reserve(names.size());
   for (const auto& name : names) held.push_back(std::ranges::find(wanted, name) != wanted.end());
   return held;
 }

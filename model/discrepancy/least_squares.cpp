@@ -110,8 +110,8 @@ Step next_step(const Misfit& misfit, Fit& fit, double damping) {
   const double before = priors(fit.hypothesis, fit.z);
   Step out{.change = Eigen::VectorXd::Zero(step.size()),
            .hoped = -(2 * gradient.dot(step) + step.dot(normal * step))};
-  double t = 1.5;
-  for (int k = 0; k < 31; ++k, t *= 0.85) {  // to 0.01
+  for (int k = 0; k < 31; ++k) {
+    const double t = 1.5 * std::pow(0.85, k);  // to 0.01
     const Eigen::VectorXd change = t * step + t * t * aside;
     const double gain = before - priors(fit.hypothesis, fit.z + change) -
                         t * (first + t * (second + t * (third + t * fourth)));

@@ -154,7 +154,8 @@ Simulations choose_simulations(const std::function<Eigen::VectorXd(const Simulat
     if (squares < unnoticed) break;
   }
   if (health.numerical_error_over_noise > 0.05)
-    health.warnings.push_back("The noise is so low that the simulations' own error shows in the residuals.");
+    health.warnings.emplace_back(
+        "The noise is so low that the simulations' own error shows in the residuals.");
   // Of the nodes that are to serve every spread, the base has a third.
   const int more = fine.every_spread ? 4 : 1;
   for (const int count : {250, 500, 1000, 2000, 4000}) {

@@ -286,7 +286,7 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     send(std::move(response));
   }
 
-  void send_text(http::status status, const char* content_type, std::string body) {
+  void send_text(http::status status, const char* content_type, std::string&& body) {
     auto response = make<http::string_body>(status);
     if (*content_type != 0) response.set(field::content_type, content_type);
     response.body() = std::move(body);
