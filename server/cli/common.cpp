@@ -28,23 +28,9 @@ std::string Common::socket_path() const {
   return socket.empty() ? (fs::path(data_folder()) / "daemon.sock").string() : socket;
 }
 
-namespace {
-
-void present_lease(server::Client& client, const Common& common) {
-  if (!common.lease.empty()) client.call("lease.present", {{"lease", common.lease}});
-}
-
-}  // namespace
-
-server::Client daemon(const Common& common) {
-  auto client = server::Client::connect(common.socket_path());
-  present_lease(client, common);
-  return client;
-}
-
 Link::Link(const Common& common) : client_(server::Client::try_connect(common.socket_path())) {
   if (client_) {
-    present_lease(*client_, common);
+    if (!common.lease.empty()) client_->call("lease.present", {{"lease", common.lease}});
     return;
   }
   engine_ = std::make_unique<server::Engine>(common.data_folder(), hub_);

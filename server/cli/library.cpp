@@ -125,6 +125,22 @@ void add_model(CLI::App& app, Common& common) {
       [](const Options&, const Common& c) { return print(Link(c).call("model.schema")); });
 }
 
+namespace {
+
+// The lease is shown where it is asked for only: one that ran out must not keep run.abort from the daemon.
+json call_here(const Common& common, const std::string& method, const json& params) {
+  auto client = server::Client::connect(common.socket_path());
+  try {
+    return client.call(method, params);
+  } catch (const Error& refusal) {
+    if (refusal.code() != ErrorCode::not_controller || common.lease.empty()) throw;
+  }
+  client.call("lease.present", {{"lease", common.lease}});
+  return client.call(method, params);
+}
+
+}  // namespace
+
 void add_call(CLI::App& app, Common& common) {
   struct Call {
     std::string method, params = "{}", url, ca, token_file;
@@ -149,7 +165,7 @@ void add_call(CLI::App& app, Common& common) {
   sub->callback([o, &common] {
     common.action = [o, &common] {
       const auto params = parse_json_text(o->params, ErrorCode::invalid_params, "the parameters");
-      if (o->url.empty()) return print(daemon(common).call(o->method, params));
+      if (o->url.empty()) return print(call_here(common, o->method, params));
       const auto file = o->token_file.empty() ? server::state_folder() / "token" : fs::path(o->token_file);
       return print(
           server::call_remote({o->url, o->ca, server::load_token(file), common.lease}, o->method, params));

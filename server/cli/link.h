@@ -29,9 +29,6 @@ class Link {
   server::CallContext context_{.client = "command line", .lease = "", .subscriber = nullptr};
 };
 
-// The daemon, with the lease presented. Throws Error(device_unavailable) if none runs.
-server::Client daemon(const Common& common);
-
 // Starts a run (parameters of run.start), follows it, and sees to it that the recording lies in `out`, if not
 // "". Returns the last status, with "interrupted".
 nlohmann::json carry_out(Link& link, const nlohmann::json& params, const std::string& out, bool quiet,

@@ -4,6 +4,14 @@
 set -eu
 program=$1
 fail() { echo "FAILED: $1" >&2; exit 1; }
+until_running() {
+  tries=0
+  until "$program" call run.status | grep -q '"state": "running"'; do
+    tries=$((tries + 1))
+    [ "$tries" -lt 100 ] || fail "the run did not start"
+    sleep 0.1
+  done
+}
 
 path=$("$program" run stage-full-range --model soft-pzt --fast --quiet)
 [ -f "$path" ] || fail "no recording at $path"
@@ -17,12 +25,7 @@ path=$("$program" run stage-full-range --model soft-pzt --fast --quiet)
 # A command that a script puts into the background ignores SIGINT; SIGTERM is the same safe stop.
 "$program" run creep-6-holds-fast --model soft-pzt --quiet 2>"$DATA/said" >/dev/null &
 run=$!
-tries=0
-until "$program" call run.status | grep -q '"state": "running"'; do
-  tries=$((tries + 1))
-  [ "$tries" -lt 100 ] || fail "the run did not start"
-  sleep 0.1
-done
+until_running
 kill -TERM "$run"
 sleep 0.2
 kill -TERM "$run"
@@ -40,5 +43,11 @@ lease=$("$program" call lease.acquire '{"duration_s": 60}' | sed -n 's/.*"lease"
 grep -q -- "--lease" "$DATA/said" || fail "it does not say how to show the lease"
 "$program" run stage-full-range --model soft-pzt --fast --quiet --lease "$lease" >/dev/null || fail "refused with --lease"
 "$program" --lease no-such-lease list >/dev/null 2>&1 && fail "took a lease that is none"
+# The emergency stop is for everybody, also with a lease that is none any more.
+"$program" run creep-6-holds-fast --model soft-pzt --quiet --lease "$lease" >/dev/null 2>&1 &
+run=$!
+until_running
+FERROBENCH_LEASE=no-such-lease "$program" call run.abort >/dev/null || fail "an old lease kept the emergency stop back"
+wait "$run" && fail "the run was not stopped"
 FERROBENCH_LEASE=$lease "$program" call lease.release >/dev/null || fail "refused with FERROBENCH_LEASE"
 echo "the command line works through the daemon"
