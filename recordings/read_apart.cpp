@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <limits>
 
 #include "protocols/common/error.h"
 
@@ -23,7 +24,8 @@ namespace {
 constexpr std::string_view child_name = "ferrobench: reads a file apart";
 constexpr int handed_over = 3;  // the child's descriptor of the journal
 constexpr std::size_t portion = 32768;
-enum Outcome { whole = 0, refused = 10 };  // a sanitizer ends a program with 1
+constexpr std::string_view all = "all", summary = "summary";  // what it is asked for
+enum Outcome { whole = 0, refused = 10 };                     // a sanitizer ends a program with 1
 
 void hand_over(const Recording& r, const Descriptor& to) {
   std::uint64_t sequence = 0;
@@ -47,6 +49,17 @@ void hand_over(const Recording& r, const Descriptor& to) {
   put(RecordKind::end, 0, ending_text({r.end_time, r.status, r.reason, r.segments, r.noise}));
 }
 
+// Two lines of JSON: what a journal begins with, and the rest.
+void hand_over(const Summary& s, const Descriptor& to) {
+  const json rest{{"status", s.status},     {"reason", s.reason},     {"end_time", s.end_time},
+                  {"rows", s.rows},         {"duration", s.duration}, {"segments", s.segment_count},
+                  {"events", s.event_count}};
+  write_all(to,
+            begin_text({.header = s.header, .channels = s.channels, .raw = {}}) + "\n" +
+                rest.dump(-1, ' ', false, json::error_handler_t::replace),
+            "");
+}
+
 void bound_resources(const std::string& path) {
   close_range(handed_over + 1, ~0U, 0);
   struct stat info {};
@@ -59,11 +72,14 @@ void bound_resources(const std::string& path) {
 
 // Before main(), so that it works in whatever program this library is part of.
 [[gnu::constructor]] void read_if_asked(int argc, char** argv) {
-  if (argc != 2 || argv[0] != child_name) return;
+  if (argc != 3 || argv[0] != child_name) return;
   const Descriptor to(handed_over);
   try {
     bound_resources(argv[1]);
-    hand_over(read_hdf5(argv[1]), to);
+    if (argv[2] == summary)
+      hand_over(summarize_hdf5(argv[1]), to);
+    else
+      hand_over(read_hdf5(argv[1]), to);
     _exit(whole);
   } catch (const Error& error) {
     auto text = error.data();
@@ -80,11 +96,16 @@ void bound_resources(const std::string& path) {
   throw Error(code, "the file is not a readable recording", Problem{.message = message, .given = path});
 }
 
-[[noreturn]] void throw_told(const Descriptor& from, const std::string& path) {
-  std::string text(std::size_t{1} << 20, '\0');
+std::string text_in(const Descriptor& from) {
+  const auto bytes = std::max<off_t>(0, lseek(from.get(), 0, SEEK_END));
+  std::string text(std::min(most_payload, static_cast<std::uint64_t>(bytes)), '\0');
   const auto count = pread(from.get(), text.data(), text.size(), 0);
-  const auto told =
-      json::parse(text.substr(0, static_cast<std::size_t>(std::max<ssize_t>(0, count))), nullptr, false);
+  text.resize(static_cast<std::size_t>(std::max<ssize_t>(0, count)));
+  return text;
+}
+
+[[noreturn]] void throw_told(const Descriptor& from, const std::string& path) {
+  const auto told = json::parse(text_in(from), nullptr, false);
   if (told.is_discarded()) fail_apart(path, ErrorCode::bad_recording, "is damaged");
   std::vector<Problem> problems;
   for (const auto& p : told.at("problems"))
@@ -96,6 +117,30 @@ void bound_resources(const std::string& path) {
                         .hint = p.value("hint", "")});
   const auto found = std::ranges::find(error_table(), told.at("name").get<std::string>(), &ErrorEntry::name);
   throw Error(found->code, told.at("message"), std::move(problems));
+}
+
+// What the child hands over; Error as it told, or as it ended.
+Descriptor told_by_child(const std::string& path, std::string_view what) {
+  Descriptor told(memfd_create("recording", MFD_CLOEXEC));
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, told.get(), handed_over);
+  std::string name(child_name), given(path), wanted(what);
+  const std::array<char*, 4> arguments{name.data(), given.data(), wanted.data(), nullptr};
+  pid_t child = 0;
+  const int failed =
+      told ? posix_spawn(&child, "/proc/self/exe", &actions, nullptr, arguments.data(), environ) : errno;
+  posix_spawn_file_actions_destroy(&actions);
+  if (failed != 0) fail_apart(path, ErrorCode::io_error, "no process could be started to read it");
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (WIFEXITED(status) && WEXITSTATUS(status) == whole) return told;
+  if (WIFEXITED(status) && WEXITSTATUS(status) == refused) throw_told(told, path);
+  fail_apart(path, ErrorCode::bad_recording,
+             WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU
+                 ? "takes the HDF5 library too long: it is damaged"
+                 : "makes the HDF5 library crash: it is damaged");
 }
 
 }  // namespace
@@ -110,26 +155,30 @@ bool has_checksums(const std::string& path) {
 }
 
 JournalReader read_apart(const std::string& path) {
-  Descriptor journal(memfd_create("recording", MFD_CLOEXEC));
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_adddup2(&actions, journal.get(), handed_over);
-  std::string name(child_name), given(path);
-  const std::array<char*, 3> arguments{name.data(), given.data(), nullptr};
-  pid_t child = 0;
-  const int failed =
-      journal ? posix_spawn(&child, "/proc/self/exe", &actions, nullptr, arguments.data(), environ) : errno;
-  posix_spawn_file_actions_destroy(&actions);
-  if (failed != 0) fail_apart(path, ErrorCode::io_error, "no process could be started to read it");
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  return {told_by_child(path, all), path};
+}
+
+Summary summarize_apart(const std::string& path) {
+  const auto text = text_in(told_by_child(path, summary));
+  const auto end = std::min(text.find('\n'), text.size());
+  auto begin = begin_of(text.substr(0, end));
+  try {
+    const auto rest = json::parse(text.substr(end));
+    const auto& duration = rest.at("duration");
+    return {
+        .header = std::move(begin.header),
+        .path = path,
+        .status = rest.at("status"),
+        .reason = rest.at("reason"),
+        .end_time = rest.at("end_time"),
+        .rows = rest.at("rows"),
+        .duration = duration.is_null() ? std::numeric_limits<double>::quiet_NaN() : duration.get<double>(),
+        .channels = std::move(begin.channels),
+        .segment_count = rest.at("segments"),
+        .event_count = rest.at("events")};
+  } catch (const json::exception&) {
+    fail_apart(path, ErrorCode::bad_recording, "is damaged");
   }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == whole) return {std::move(journal), path};
-  if (WIFEXITED(status) && WEXITSTATUS(status) == refused) throw_told(journal, path);
-  fail_apart(path, ErrorCode::bad_recording,
-             WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU
-                 ? "takes the HDF5 library too long: it is damaged"
-                 : "makes the HDF5 library crash: it is damaged");
 }
 
 }  // namespace ferrobench::recordings

@@ -207,8 +207,6 @@ Recording read_hdf5(const std::string& path) {
   return r;
 }
 
-namespace {
-
 Summary summarize_hdf5(const std::string& path) {
   const Input in(path);
   Summary s;
@@ -224,6 +222,8 @@ Summary summarize_hdf5(const std::string& path) {
   if (in.has("/entry/events/time")) s.event_count = in.numeric_size("/entry/events/time").rows;
   return s;
 }
+
+namespace {
 
 // The file, or its journal where the file is not there yet. A run that ends in between has its file then.
 template <class FromFile, class FromJournal>
@@ -254,7 +254,7 @@ Summary read_summary(const std::string& path) {
   return read_either(
       path,
       [](const std::string& file) {
-        return has_checksums(file) ? summarize_hdf5(file) : summarize_journal(read_apart(file), file);
+        return has_checksums(file) ? summarize_hdf5(file) : summarize_apart(file);
       },
       [](const std::string& journal) { return summarize_journal(journal); });
 }

@@ -90,6 +90,11 @@ nlohmann::json parse_json_text(std::string_view text, ErrorCode code, std::strin
   }
 }
 
+std::string text_at(const nlohmann::json& json, const char* key) {
+  const auto found = json.find(key);
+  return found != json.end() && found->is_string() ? found->get<std::string>() : std::string{};
+}
+
 std::string excerpt(std::string_view text) {
   std::string out(text.substr(0, 80));
   for (char& c : out)

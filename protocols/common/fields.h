@@ -279,6 +279,9 @@ T parse(const nlohmann::json& json, ErrorCode code, std::string_view what) {
 nlohmann::json parse_json_text(std::string_view text, ErrorCode code, std::string_view what,
                                std::size_t max_bytes = 16u << 20, int max_depth = 32);
 
+// The text of this key; "" where there is none, or `json` is no object.
+std::string text_at(const nlohmann::json& json, const char* key);
+
 // The start of a text from outside, fit to quote in a message: what is not printable ASCII becomes a question
 // mark.
 std::string excerpt(std::string_view text);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocols/common/fields.h"
 #include "protocols/common/units.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/skew.h"
@@ -11,10 +12,6 @@ namespace {
 
 void add_fact(Report& report, const std::string& name, const std::string& value) {
   if (!value.empty()) report.facts.emplace_back(name, value);
-}
-
-std::string text_at(const nlohmann::json& json, const char* key) {
-  return json.is_object() && json.contains(key) && json[key].is_string() ? json[key].get<std::string>() : "";
 }
 
 Table event_table(const Recording& r) {

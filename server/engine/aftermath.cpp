@@ -5,6 +5,7 @@
 #include <set>
 
 #include "daq/registry.h"
+#include "protocols/common/fields.h"
 #include "recordings/file.h"
 #include "recordings/recover.h"
 
@@ -14,10 +15,6 @@ namespace {
 
 using nlohmann::json;
 using Tell = std::function<void(bool, const std::string&)>;
-
-std::string text_at(const json& object, const char* key) {
-  return object.contains(key) && object[key].is_string() ? object[key].get<std::string>() : "";
-}
 
 // The device's configuration, if its output stays where it is when the program dies; else null.
 json configuration_of(const json& device) {

@@ -1,6 +1,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "protocols/common/fields.h"
 #include "recordings/difference.h"
 #include "recordings/export.h"
 #include "recordings/iso_time.h"
@@ -134,12 +135,6 @@ void describe(Visitor& visit, Exported& e) {
   visit("name", e.name, {.doc = "the file is at /recordings/<name>"});
   visit("path", e.path, {.doc = "on the daemon's machine"});
   visit("bytes", e.bytes, {.unit = "B"});
-}
-
-std::string text_at(const json& object, const char* key) {
-  return object.is_object() && object.contains(key) && object[key].is_string()
-             ? object[key].get<std::string>()
-             : "";
 }
 
 RecordingRow row_of(const fs::path& path) {

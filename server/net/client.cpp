@@ -40,11 +40,6 @@ bool wait_for(int fd, short events, std::chrono::steady_clock::time_point deadli
   }
 }
 
-std::string text_at(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_string() ? found->get<std::string>() : std::string{};
-}
-
 ErrorCode code_of(int rpc_code, const std::string& name) {
   for (const auto& e : error_table())
     if (e.name == name) return e.code;

@@ -39,7 +39,16 @@ TEST_F(Damage, AFileWithoutChecksumsIsReadTheSame) {
   EXPECT_EQ(a.header.protocol, b.header.protocol);
   EXPECT_EQ(a.header.title, b.header.title);
   EXPECT_EQ(a.raw->counts, b.raw->counts);
-  EXPECT_EQ(recordings::read_summary(folder / "plain.h5").rows, a.size());
+  const auto whole = recordings::read_summary(folder / "whole.h5");
+  const auto plain = recordings::read_summary(folder / "plain.h5");
+  EXPECT_EQ(plain.rows, a.size());
+  EXPECT_EQ(plain.duration, whole.duration);
+  EXPECT_EQ(plain.channels, whole.channels);
+  EXPECT_EQ(plain.status, whole.status);
+  EXPECT_EQ(plain.end_time, whole.end_time);
+  EXPECT_EQ(plain.header.title, whole.header.title);
+  EXPECT_EQ(plain.segment_count, whole.segment_count);
+  EXPECT_EQ(plain.event_count, whole.event_count);
 }
 
 // Chunks without a dimension: the library divides by nothing.
