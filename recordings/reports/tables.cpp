@@ -183,7 +183,7 @@ std::optional<Table> rate_table(const Analysis& analysis) {
     if (const double rate = analysis.cycles()[i].rate; rate > 0)
       cycles.push_back({rate, analysis.measures()[i]});
   std::ranges::stable_sort(cycles, {}, &Measured::rate);
-  if (cycles.empty() || cycles.back().rate < 1.01 * cycles.front().rate) return std::nullopt;
+  if (cycles.empty() || cycles.back().rate <= 1.01 * cycles.front().rate) return std::nullopt;
   Table table{.key = "rates",
               .title = "Stroke and loop area against ramp rate",
               .columns = {rate_column(),
@@ -197,12 +197,13 @@ std::optional<Table> rate_table(const Analysis& analysis) {
   for (std::size_t first = 0; first < cycles.size();) {
     std::size_t next = first;
     double stroke = 0, area = 0, energy = 0;
-    for (; next < cycles.size() && cycles[next].rate < 1.01 * cycles[first].rate; ++next) {
+    do {
       const auto& m = cycles[next].loop;
       stroke += m.stroke.value_or(NAN);
       area += m.displacement_area.value_or(NAN);
       energy += m.energy.value_or(NAN);
-    }
+      ++next;
+    } while (next < cycles.size() && cycles[next].rate <= 1.01 * cycles[first].rate);
     const auto count = static_cast<double>(next - first);
     table.rows.push_back({in_kv_per_mm(cycles[first].rate),
                           cycles[first].rate * r.header.specimen.layer_thickness, whole(next - first),

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -91,6 +92,17 @@ TEST(Stroke, TrianglesOfALinearActuator) {
   EXPECT_NEAR(number(*rates, 0, "rate_V_per_s"), 50, 1e-6);
   EXPECT_NEAR(number(*rates, 1, "rate_V_per_s"), 500, 1e-6);
   EXPECT_NEAR(number(*rates, 1, "stroke_um"), 12, 1e-9);
+}
+
+// As a damaged file may hold: rates of which a hundredth more is no more.
+TEST(Stroke, RatesAtTheEndsOfTheirRangeAreCounted) {
+  auto r = testing::play(0, {{1.5e6, 3}, {0, 3}, {1.5e6, 0.3}, {0, 0.3}}, 1000);
+  r.set(Channel::displacement) = r.at(Channel::command);
+  for (auto& row : r.segments)
+    row.rate = row.rate > 1e6 ? INFINITY : std::numeric_limits<double>::denorm_min();
+  const auto rates = rate_table(r);
+  ASSERT_TRUE(rates);
+  EXPECT_EQ(rates->rows.size(), 2u);
 }
 
 TEST(Stroke, NoiseBarelyWidensIt) {
