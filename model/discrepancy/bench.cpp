@@ -1,5 +1,7 @@
 #include "model/discrepancy/bench.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -16,6 +18,7 @@ using recordings::Recording;
 
 constexpr std::size_t most_knots = 4000;  // of a drive
 constexpr std::size_t most_levels = 80;   // whose uncertainty is followed up
+constexpr double most_measured = 1e15;    // in SI units: whose squares can still be summed, by far
 
 [[noreturn]] void refuse(const std::string& name, const std::string& path, const std::string& message,
                          const std::string& hint = "") {
@@ -32,6 +35,16 @@ void check_time(const std::string& name, const Recording& r) {
   for (std::size_t i = 0; i < r.size(); ++i)
     if (!std::isfinite(r.time[i]) || (i > 0 && r.time[i] <= r.time[i - 1]))
       refuse(name, "/entry/data/time", "does not rise at sample " + std::to_string(i));
+}
+
+void check_values(const std::string& name, const Recording& r) {
+  for (const auto channel : recordings::all_channels) {
+    if (!r.has(channel)) continue;
+    for (const double v : r.at(channel))
+      if (std::isfinite(v) && std::abs(v) > most_measured)
+        refuse(name, path_of(channel), fmt::format("holds {:.3g}, which nothing measures", v),
+               "it may be damaged; every channel is in SI units: V/m, C, m, N");
+  }
 }
 
 // Chords of a bent program (a sine, a filtered ramp) that stay within about `slack` of it.
@@ -363,6 +376,7 @@ std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedR
       throw Error(ErrorCode::invalid_params, "two recordings have the same name",
                   Problem{.path = "/recordings", .message = "stands here twice", .given = name});
     check_time(name, r);
+    check_values(name, r);
     BenchRecording b;
     b.name = name;
     b.header = r.header;

@@ -38,6 +38,9 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
     best = fit(misfit, base, best.z, limits);
   }
   settle(misfit, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
+  if (!std::isfinite(best.squares))
+    throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",
+                Problem{.message = "their difference is not a finite number"});
   health.starts = base_starts;
   health.start_spread = (least - first) / first;
   return best;

@@ -363,6 +363,7 @@ TEST(Discrepancy, ImpossibleDataAreRefusedByName) {
   EXPECT_THAT(refusal(scaled(Channel::displacement, -1)), HasSubstr("sign"));
   EXPECT_THAT(refusal(scaled(Channel::displacement, 1e3)), HasSubstr("units"));
   EXPECT_THAT(refusal(scaled(Channel::charge, 1e-3)), HasSubstr("units"));
+  EXPECT_THAT(refusal(scaled(Channel::displacement, 1e250)), HasSubstr("nothing measures"));
   EXPECT_THAT(refusal(measure(given()), options), HasSubstr("cannot be held out"));
   EXPECT_THAT(refusal(measure(given()), misspelt), HasSubstr("electrostriction"));
   auto stuck = measure(given());
