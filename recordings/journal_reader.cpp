@@ -181,10 +181,7 @@ Recording read_journal(const JournalReader& journal, const std::string& path) {
 }
 
 Summary summarize_journal(const std::string& path) {
-  return summarize_journal(open_begun(path), path);
-}
-
-Summary summarize_journal(const JournalReader& journal, const std::string& path) {
+  const auto journal = open_begun(path);
   auto [status, reason, end_time] = state_of(journal);
   return {.header = journal.begin().header,
           .path = path,

@@ -67,6 +67,5 @@ bool is_journal(const std::string& path);
 Recording read_journal(const std::string& path);
 Recording read_journal(const JournalReader& journal, const std::string& path);
 Summary summarize_journal(const std::string& path);
-Summary summarize_journal(const JournalReader& journal, const std::string& path);
 
 }  // namespace ferrobench::recordings

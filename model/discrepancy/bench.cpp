@@ -18,7 +18,8 @@ using recordings::Recording;
 
 constexpr std::size_t most_knots = 4000;  // of a drive
 constexpr std::size_t most_levels = 80;   // whose uncertainty is followed up
-constexpr double most_measured = 1e15;    // in SI units: whose squares can still be summed, by far
+constexpr const char* in_si = "every channel is in SI units: V/m, C, m, N";
+constexpr double most_measured = 1e15;  // in SI units: whose squares can still be summed, by far
 
 [[noreturn]] void refuse(const std::string& name, const std::string& path, const std::string& message,
                          const std::string& hint = "") {
@@ -43,7 +44,7 @@ void check_values(const std::string& name, const Recording& r) {
     for (const double v : r.at(channel))
       if (std::isfinite(v) && std::abs(v) > most_measured)
         refuse(name, path_of(channel), fmt::format("holds {:.3g}, which nothing measures", v),
-               "it may be damaged; every channel is in SI units: V/m, C, m, N");
+               std::string("it may be damaged; ") + in_si);
   }
 }
 
@@ -329,8 +330,7 @@ void check_scale(const BenchRecording& r, const Model& model) {
              "turn the channel's sign; field along poling, extension and compressive force are positive");
     if (ratio > 30 || ratio < 1.0 / 30)
       refuse(r.name, path_of(m.channel),
-             "is " + std::to_string(ratio) + " times what the model gives: wrong units?",
-             "every channel is in SI units: V/m, C, m, N");
+             "is " + std::to_string(ratio) + " times what the model gives: wrong units?", in_si);
   }
 }
 
