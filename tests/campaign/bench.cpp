@@ -172,7 +172,7 @@ Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& o
 
   const bool drive = std::any_of(choices.begin(), choices.end(),
                                  [](const Choice& c) { return c.family == model::Family::drive; });
-  const bool command = drive || draw.chance(0.85);
+  const bool command = drive || draw.chance(options.commanded);
   const bool from_first = draw.chance(0.2);
   const auto ranges = sizing.ranges();
   for (std::size_t c = 0; c < measured.size(); ++c) {

@@ -36,6 +36,7 @@ struct Bench {
 
 struct BenchOptions {
   int domains = 16384;
+  double commanded = 0.85;  // share of the benches whose recordings hold the command
 };
 
 // The same seed, index and kind always give the same bench.

@@ -19,12 +19,14 @@ namespace ferrobench::campaign {
 namespace {
 
 constexpr std::string_view usage =
-    "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--jobs J] [--json OUT] [--write "
-    "FOLDER | "
-    "--read FOLDER] [--strict yes]\n"
+    "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--jobs J] [--commanded SHARE] "
+    "[--json OUT] [--write FOLDER | --read FOLDER] [--strict yes]\n"
     "  --kind   single | pair | nothing | moved | outside | withheld | coloured; without it a mixture\n"
     "  --first  index of the first bench\n"
     "  --jobs   benches at a time, which share the cores (1)\n"
+    "  --commanded  share of the benches whose recordings hold the command (0.85); where the drive is at "
+    "fault\n"
+    "           they always do\n"
     "  --json   the answers; those that OUT holds already are kept and not asked for again\n"
     "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n"
     "  --read   take the benches from there\n"
@@ -34,6 +36,7 @@ struct Arguments {
   int benches = 25, first = 0, jobs = 1;
   std::uint64_t seed = 1;
   std::optional<Kind> kind;
+  BenchOptions bench{};
   std::string write, read, json;
   bool strict = false;
 };
@@ -66,6 +69,9 @@ Arguments parse(std::span<char*> words) {
       a.seed = number<std::uint64_t>(name, value);
     } else if (name == "--jobs") {
       a.jobs = std::max(1, number<int>(name, value));
+    } else if (name == "--commanded") {
+      a.bench.commanded = number<double>(name, value);
+      if (a.bench.commanded > 1) throw bad(name, value, "a share, 0 to 1");
     } else if (name == "--write") {
       a.write = value;
     } else if (name == "--read") {
@@ -93,7 +99,7 @@ std::string folder_of(const std::string& parent, int index) {
 void write_all(const Arguments& a) {
   for (int i = a.first; i < a.first + a.benches; ++i) {
     const auto begin = std::chrono::steady_clock::now();
-    const auto bench = make_bench(a.seed, i, a.kind.value_or(kind_of(i)));
+    const auto bench = make_bench(a.seed, i, a.kind.value_or(kind_of(i)), a.bench);
     const auto folder = folder_of(a.write, i);
     write_bench(bench, folder);
     const auto truth = truth_of(bench);
@@ -156,9 +162,10 @@ std::vector<Outcome> run_all(const Arguments& a) {
         if (outcomes.contains(i)) continue;
       }
       try {
-        const auto outcome = answer(a.read.empty() ? make_bench(a.seed, i, a.kind.value_or(kind_of(i)))
-                                                   : read_bench(folder_of(a.read, i)),
-                                    threads);
+        const auto outcome =
+            answer(a.read.empty() ? make_bench(a.seed, i, a.kind.value_or(kind_of(i)), a.bench)
+                                  : read_bench(folder_of(a.read, i)),
+                   threads);
         const std::scoped_lock lock(mutex);
         outcomes.emplace(i, outcome);
         std::cout << line_of(outcome) << std::endl;
