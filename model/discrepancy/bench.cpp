@@ -347,15 +347,14 @@ std::string_view stretch_name(Stretch stretch) {
   return names.at(static_cast<std::size_t>(stretch));
 }
 
-BenchRecording BenchRecording::with_knots_moved(Eigen::Index column) const {
+BenchRecording BenchRecording::with_knots_moved(const Eigen::VectorXd& errors) const {
   auto out = *this;
   const auto levels = static_cast<Eigen::Index>(level_of.back() + 1);
   for (std::size_t k = 0; k < knot_time.size(); ++k) {
-    out.knot_field[k] += knot_error(static_cast<Eigen::Index>(level_of[k]), column);
+    out.knot_field[k] += errors[static_cast<Eigen::Index>(level_of[k])];
     if (k == 0 || k + 1 == knot_time.size()) continue;
     const double room = 0.4 * std::min(knot_time[k] - knot_time[k - 1], knot_time[k + 1] - knot_time[k]);
-    out.knot_time[k] +=
-        std::clamp(knot_error(levels + static_cast<Eigen::Index>(k) - 1, column), -room, room);
+    out.knot_time[k] += std::clamp(errors[levels + static_cast<Eigen::Index>(k) - 1], -room, room);
   }
   return out;
 }

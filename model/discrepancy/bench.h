@@ -47,8 +47,8 @@ struct BenchRecording {
   // be. Errors of (levels, times of the inner knots) = knot_error * (independent unit normals).
   std::vector<std::size_t> level_of;  // of the knots; both ends of a hold share one. Empty: known
   Eigen::MatrixXd knot_error;
-  // With the errors that one column of knot_error stands for.
-  BenchRecording with_knots_moved(Eigen::Index column) const;
+  // With these errors of (levels, times of the inner knots).
+  BenchRecording with_knots_moved(const Eigen::VectorXd& errors) const;
   std::vector<double> time;      // of the rows, from the first sample
   std::vector<Stretch> stretch;  // of the rows
   std::vector<MeasuredChannel> channels;

@@ -147,20 +147,21 @@ std::set<std::size_t> learn(Session& s, const Model& base, const std::vector<con
   }
   s.tick("the proof", 0.95);
   std::set<std::size_t> strange;
-  const auto residuals = plain_residuals(fine, fitted.hypothesis, fitted.z);
-  out.where = excess_by_stretch(fine, residuals);
-  out.train.before = rms_by_channel(fine, residuals);
-  out.train.after = rms_by_channel(fine, plain_residuals(fine, after.hypothesis, after.z));
+  const auto before_it = predict(fine, misfit, fitted), after_it = predict(fine, misfit, after);
+  out.where = excess_by_stretch(fine, before_it.residuals);
+  out.train.before = rms_by_channel(fine, before_it.residuals);
+  out.train.after = rms_by_channel(fine, after_it.residuals);
   if (!s.held_out.empty()) {
     const RecordingMisfit locked(s.bench, s.noise, s.held_out, simulations.fine, s.threads);
-    const auto locked_residuals = plain_residuals(locked, fitted.hypothesis, fitted.z);
-    strange = unexplained(locked, locked_residuals);
-    out.held_out.before = rms_by_channel(locked, locked_residuals);
-    out.held_out.after = rms_by_channel(locked, plain_residuals(locked, after.hypothesis, after.z));
-    out.traces = traces(locked, fitted.hypothesis, fitted.z, after.hypothesis, after.z, 2, true);
+    const RecordingMisfit locked_usual(s.bench, s.noise, s.held_out, simulations.usual, s.threads);
+    const auto locked_before = predict(locked, locked_usual, fitted),
+               locked_after = predict(locked, locked_usual, after);
+    strange = unexplained(locked, locked_before.residuals);
+    out.held_out.before = rms_by_channel(locked, locked_before.residuals);
+    out.held_out.after = rms_by_channel(locked, locked_after.residuals);
+    out.traces = traces(locked, locked_before, locked_after, 2, true);
   }
-  for (auto& t : traces(misfit, fitted.hypothesis, fitted.z, after.hypothesis, after.z, 4, false))
-    out.traces.push_back(std::move(t));
+  for (auto& t : traces(fine, before_it, after_it, 4, false)) out.traces.push_back(std::move(t));
   out.health.simulations += misfit.simulations();
   return strange;
 }

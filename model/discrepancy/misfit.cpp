@@ -206,6 +206,45 @@ void RecordingMisfit::allow(Eigen::Ref<Eigen::VectorXd> column) const {
   for (const auto& a : allowances_) allow(a, column);
 }
 
+Eigen::MatrixXd RecordingMisfit::drive_slopes(const Setting& setting, std::size_t position) const {
+  const auto& r = bench_[chosen_[position]];
+  const auto [first, last] = blocks_of_[position];
+  const Eigen::Index begin = blocks_[first].begin;
+  const auto part_of = [&, first = first, last = last](const BenchRecording& drive) {
+    const auto simulated = simulate_bench(setting.model, under(setting, drive), simulation());
+    Eigen::VectorXd out(blocks_[last - 1].begin + blocks_[last - 1].count - begin);
+    for (std::size_t b = first; b < last; ++b) {
+      const auto& block = blocks_[b];
+      const double gain = gain_of(setting, r.channels[block.channel].channel);
+      out.segment(block.begin - begin, block.count) = gain * whiten(block, simulated[block.channel]);
+    }
+    return out;
+  };
+  const Eigen::VectorXd rest = part_of(r);
+  Eigen::MatrixXd out(rest.size(), r.knot_error.cols());
+  for (Eigen::Index k = 0; k < out.cols(); ++k)
+    out.col(k) = part_of(r.with_knots_moved(r.knot_error.col(k))) - rest;
+  return out;
+}
+
+BenchRecording RecordingMisfit::with_settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                                   std::size_t position,
+                                                   const std::vector<std::vector<double>>& simulated) const {
+  const auto& r = bench_[chosen_[position]];
+  const auto [first, last] = blocks_of_[position];
+  if (r.level_of.empty() || first == last) return r;
+  const auto slopes = drive_slopes(setting_at(hypothesis, z), position);
+  Eigen::VectorXd miss(slopes.rows());
+  for (std::size_t b = first; b < last; ++b) {
+    const auto& block = blocks_[b];
+    miss.segment(block.begin - blocks_[first].begin, block.count) =
+        whiten(block, r.channels[block.channel].value) - whiten(block, simulated[block.channel]);
+  }
+  Eigen::MatrixXd precision = slopes.transpose() * slopes;
+  precision.diagonal().array() += 1;
+  return r.with_knots_moved(r.knot_error * precision.llt().solve(slopes.transpose() * miss));
+}
+
 void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen::VectorXd& at) {
   allowances_.clear();
   if (std::ranges::none_of(chosen_, [&](std::size_t r) { return !bench_[r].level_of.empty(); })) return;
@@ -218,22 +257,7 @@ void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen
     if (r.level_of.empty() || first == last) return;
     a.begin = blocks_[first].begin;
     a.count = blocks_[last - 1].begin + blocks_[last - 1].count - a.begin;
-    const auto column_of = [&](const BenchRecording& drive) {
-      const auto simulated = simulate_bench(setting.model, under(setting, drive), simulation());
-      Eigen::VectorXd out(a.count);
-      for (std::size_t b = first; b < last; ++b) {
-        auto part = out.segment(blocks_[b].begin - a.begin, blocks_[b].count);
-        const double gain = gain_of(setting, r.channels[blocks_[b].channel].channel);
-        for (std::size_t i = 0; i < blocks_[b].rows.size(); ++i)
-          part[static_cast<Eigen::Index>(i)] = gain * simulated[blocks_[b].channel][blocks_[b].rows[i]];
-        finish(b, part);
-      }
-      return out;
-    };
-    const Eigen::VectorXd rest = column_of(r);
-    Eigen::MatrixXd columns(a.count, r.knot_error.cols());
-    for (Eigen::Index k = 0; k < columns.cols(); ++k)
-      columns.col(k) = column_of(r.with_knots_moved(k)) - rest;
+    const auto columns = drive_slopes(setting, position);
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(columns.transpose() * columns);
     std::vector<Eigen::Index> used;
     for (Eigen::Index k = 0; k < columns.cols(); ++k)
@@ -259,10 +283,11 @@ Eigen::VectorXd RecordingMisfit::whiten(const Block& block, const std::vector<do
 }
 
 std::vector<std::vector<double>> RecordingMisfit::simulated(const Hypothesis& hypothesis,
-                                                            const Eigen::VectorXd& z,
-                                                            std::size_t recording) const {
+                                                            const Eigen::VectorXd& z, std::size_t recording,
+                                                            const BenchRecording* drive) const {
   const auto setting = setting_at(hypothesis, z);
-  auto out = channels(setting, recording);
+  auto out = drive == nullptr ? channels(setting, recording)
+                              : simulate_bench(setting.model, under(setting, *drive), simulation());
   for (std::size_t c = 0; c < out.size(); ++c) {
     const auto& m = bench_[recording].channels[c];
     for (double& v : out[c]) v *= gain_of(setting, m.channel);

@@ -100,9 +100,17 @@ class RecordingMisfit final : public Misfit {
 
   // A signal in SI of one block's rows (of the recording's length) as it would enter the residual.
   Eigen::VectorXd whiten(const Block& block, const std::vector<double>& signal) const;
-  // What the hypothesis gives for a recording's channels in SI, gains and factors included, offset too.
+  // What the hypothesis gives for a recording's channels in SI, gains and factors included, offset too;
+  // with another drive than the bench has, where one is given.
   std::vector<std::vector<double>> simulated(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                                             std::size_t recording) const;
+                                             std::size_t recording,
+                                             const BenchRecording* drive = nullptr) const;
+  // A drive that was read from a measured field, put where the channels want it as far as the field's noise
+  // allows: the mean of the posterior over its knots, linear around where they were read, where the channels
+  // are as `simulated`.
+  BenchRecording with_settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                    std::size_t position,  // in chosen()
+                                    const std::vector<std::vector<double>>& simulated) const;
   // Measured less simulated over the noise's standard deviation, not whitened; NaN where not measured.
   std::vector<double> plain_residual(std::size_t recording, std::size_t channel,
                                      const std::vector<double>& simulated) const;
@@ -121,6 +129,8 @@ class RecordingMisfit final : public Misfit {
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
   std::vector<std::vector<double>> channels(const Setting& setting,
                                             std::size_t recording) const;  // without gains
+  // Changes of a recording's part of the simulated signals, whitened, by the columns of knot_error.
+  Eigen::MatrixXd drive_slopes(const Setting& setting, std::size_t position) const;
 
   const std::vector<BenchRecording>& bench_;
   const std::vector<std::vector<NoiseModel>>& noise_;

@@ -21,26 +21,24 @@ struct Squares {
   double mean() const { return sum / static_cast<double>(count); }
 };
 
-std::vector<std::vector<std::vector<double>>> simulate_all(const RecordingMisfit& misfit, const Hypothesis& h,
-                                                           const Eigen::VectorXd& z) {
-  std::vector<std::vector<std::vector<double>>> out(misfit.chosen().size());
-  in_parallel(out.size(), misfit.threads(),
-              [&](std::size_t i) { out[i] = misfit.simulated(h, z, misfit.chosen()[i]); });
-  return out;
-}
-
 }  // namespace
 
-Residuals plain_residuals(const RecordingMisfit& misfit, const Hypothesis& hypothesis,
-                          const Eigen::VectorXd& z) {
-  auto out = simulate_all(misfit, hypothesis, z);
-  for (std::size_t i = 0; i < out.size(); ++i)
-    for (std::size_t c = 0; c < out[i].size(); ++c)
-      out[i][c] = misfit.plain_residual(misfit.chosen()[i], c, out[i][c]);
+Prediction predict(const RecordingMisfit& fine, const RecordingMisfit& usual, const Fit& fit) {
+  const auto& chosen = fine.chosen();
+  Prediction out{.simulated = Signals(chosen.size()), .residuals = Signals(chosen.size())};
+  in_parallel(chosen.size(), fine.threads(), [&](std::size_t i) {
+    out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i]);
+    if (!fine.bench()[chosen[i]].level_of.empty()) {
+      const auto drive = usual.with_settled_drive(fit.hypothesis, fit.z, i, out.simulated[i]);
+      out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i], &drive);
+    }
+    for (std::size_t c = 0; c < out.simulated[i].size(); ++c)
+      out.residuals[i].push_back(fine.plain_residual(chosen[i], c, out.simulated[i][c]));
+  });
   return out;
 }
 
-ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Residuals& residuals) {
+ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Signals& residuals) {
   std::map<recordings::Channel, Squares> squares;
   for (std::size_t i = 0; i < residuals.size(); ++i)
     for (std::size_t c = 0; c < residuals[i].size(); ++c)
@@ -52,7 +50,7 @@ ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Residuals& re
   return out;
 }
 
-std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Residuals& residuals) {
+std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Signals& residuals) {
   std::set<std::size_t> out;
   for (std::size_t i = 0; i < residuals.size(); ++i)
     for (const auto& channel : residuals[i]) {
@@ -63,7 +61,7 @@ std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Residuals
   return out;
 }
 
-std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Residuals& residuals) {
+std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Signals& residuals) {
   std::vector<Excess> out;
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const auto& r = misfit.bench()[misfit.chosen()[i]];
@@ -81,19 +79,16 @@ std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Resid
   return out;
 }
 
-std::vector<Trace> traces(const RecordingMisfit& misfit, const Hypothesis& before,
-                          const Eigen::VectorXd& z_before, const Hypothesis& after,
-                          const Eigen::VectorXd& z_after, std::size_t count, bool held_out) {
-  const auto old_way = simulate_all(misfit, before, z_before), new_way = simulate_all(misfit, after, z_after);
+std::vector<Trace> traces(const RecordingMisfit& misfit, const Prediction& before, const Prediction& after,
+                          std::size_t count, bool held_out) {
   struct Place {
     std::size_t position = 0, channel = 0;
     double gained = 0;
   };
   std::vector<Place> places;
-  for (std::size_t i = 0; i < old_way.size(); ++i)
-    for (std::size_t c = 0; c < old_way[i].size(); ++c) {
-      const auto a = misfit.plain_residual(misfit.chosen()[i], c, old_way[i][c]);
-      const auto b = misfit.plain_residual(misfit.chosen()[i], c, new_way[i][c]);
+  for (std::size_t i = 0; i < before.residuals.size(); ++i)
+    for (std::size_t c = 0; c < before.residuals[i].size(); ++c) {
+      const auto &a = before.residuals[i][c], &b = after.residuals[i][c];
       double gained = 0;
       for (std::size_t row = 0; row < a.size(); ++row)
         if (!std::isnan(a[row])) gained += a[row] * a[row] - b[row] * b[row];
@@ -103,9 +98,8 @@ std::vector<Trace> traces(const RecordingMisfit& misfit, const Hypothesis& befor
   std::vector<Trace> out;
   for (const auto& p : places) {
     if (out.size() == count) break;
-    const std::size_t recording = misfit.chosen()[p.position];
-    const auto& r = misfit.bench()[recording];
-    const auto a = misfit.plain_residual(recording, p.channel, old_way[p.position][p.channel]);
+    const auto& r = misfit.bench()[misfit.chosen()[p.position]];
+    const auto& a = before.residuals[p.position][p.channel];
     // The window of a sixth of the recording in which the base model misses most.
     const std::size_t n = r.time.size(), width = std::max<std::size_t>(std::min<std::size_t>(n, 60), n / 6);
     double sum = 0, most = -1;
@@ -129,8 +123,8 @@ std::vector<Trace> traces(const RecordingMisfit& misfit, const Hypothesis& befor
     for (std::size_t row = begin; row < begin + width; ++row) {
       t.time.push_back(r.time[row]);
       t.measured.push_back(r.channels[p.channel].value[row]);
-      t.before.push_back(old_way[p.position][p.channel][row]);
-      t.after.push_back(new_way[p.position][p.channel][row]);
+      t.before.push_back(before.simulated[p.position][p.channel][row]);
+      t.after.push_back(after.simulated[p.position][p.channel][row]);
     }
     out.push_back(std::move(t));
   }

@@ -8,20 +8,24 @@
 
 namespace ferrobench::model::discrepancy {
 
-// Residuals over noise by recording (in the order of misfit.chosen()) and channel; NaN where not measured.
-using Residuals = std::vector<std::vector<std::vector<double>>>;
-Residuals plain_residuals(const RecordingMisfit& misfit, const Hypothesis& hypothesis,
-                          const Eigen::VectorXd& z);
+// By recording (in the order of misfit.chosen()), channel and row.
+using Signals = std::vector<std::vector<std::vector<double>>>;
+struct Prediction {
+  Signals simulated;  // SI
+  Signals residuals;  // measured less simulated, over noise; NaN where not measured
+};
+// By the fine simulation; drives that were read from a measured field are settled (misfit.h), for which the
+// usual one of the same recordings makes the slopes.
+Prediction predict(const RecordingMisfit& fine, const RecordingMisfit& usual, const Fit& fit);
 
-ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Residuals& residuals);
+ChannelFigures rms_by_channel(const RecordingMisfit& misfit, const Signals& residuals);
 // Recordings (indices in the bench) of which a channel is further from the noise than its level may be off.
-std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Residuals& residuals);
+std::set<std::size_t> unexplained(const RecordingMisfit& misfit, const Signals& residuals);
 // By recording, channel and kind of stretch; worst first.
-std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Residuals& residuals);
+std::vector<Excess> excess_by_stretch(const RecordingMisfit& misfit, const Signals& residuals);
 
 // The stretches in which an explanation took away most, at most `count`, one for each channel and recording.
-std::vector<Trace> traces(const RecordingMisfit& misfit, const Hypothesis& before,
-                          const Eigen::VectorXd& z_before, const Hypothesis& after,
-                          const Eigen::VectorXd& z_after, std::size_t count, bool held_out);
+std::vector<Trace> traces(const RecordingMisfit& misfit, const Prediction& before, const Prediction& after,
+                          std::size_t count, bool held_out);
 
 }  // namespace ferrobench::model::discrepancy

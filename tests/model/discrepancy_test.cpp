@@ -7,6 +7,7 @@
 
 #include "model/discrepancy/bench.h"
 #include "model/discrepancy/discover.h"
+#include "model/discrepancy/misfit.h"
 #include "model/discrepancy/noise.h"
 #include "model/discrepancy/report.h"
 #include "model/fit/fit.h"
@@ -242,6 +243,43 @@ TEST(Discrepancy, AMeasuredDriveIsUncertain) {
   const auto found = discover(given(), recordings);
   EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
   EXPECT_NEAR(found.recalibrated.at("offset.field").to, 2e4, 4 * found.recalibrated.at("offset.field").std);
+}
+
+// The channels know better than a noisy field where its corners were.
+TEST(Discrepancy, AMeasuredDriveIsSettledByTheChannels) {
+  const auto& plan = plans().back();
+  auto r = record(real_bench(), plan, 1);
+  std::mt19937_64 random(2);
+  std::normal_distribution<double> noise(0, 3e4);
+  r.channels[static_cast<std::size_t>(Channel::command)].reset();
+  for (double& e : *r.channels[static_cast<std::size_t>(Channel::field)]) e += noise(random);
+  std::vector<std::string> warnings;
+  const auto bench = discrepancy::prepare(given(), {{plan.name, r}}, 2000, warnings);
+  const auto noises = discrepancy::estimate_noise(bench, warnings);
+  const discrepancy::RecordingMisfit misfit(bench, noises, {0}, {.tolerance = 1e-5, .domains = 1500}, 1);
+  const auto truth = discrepancy::base_hypothesis(real_bench(), bench);
+  const auto at = discrepancy::at_rest(truth);
+  const auto before = misfit.simulated(truth, at, 0);
+  const auto settled = misfit.with_settled_drive(truth, at, 0, before);
+  const auto after = misfit.simulated(truth, at, 0, &settled);
+  const auto squares = [&](const std::vector<std::vector<double>>& simulated) {
+    double sum = 0, count = 0;
+    for (std::size_t c = 0; c < simulated.size(); ++c)
+      for (const double e : misfit.plain_residual(0, c, simulated[c])) {
+        sum += e * e;
+        ++count;
+      }
+    return sum / count;
+  };
+  EXPECT_GT(squares(before), 1.3);
+  EXPECT_NEAR(squares(after), 1, 0.1);
+  ASSERT_EQ(settled.knot_field.size(), plan.corners.size());
+  double read_off = 0, settled_off = 0;
+  for (std::size_t k = 0; k < plan.corners.size(); ++k) {
+    read_off += std::pow(bench[0].knot_field[k] - plan.corners[k].second, 2);
+    settled_off += std::pow(settled.knot_field[k] - plan.corners[k].second, 2);
+  }
+  EXPECT_LT(settled_off, 0.5 * read_off);
 }
 
 // Steps that a double holds exactly: the estimate of the noise is zero.
