@@ -1,6 +1,7 @@
 // Finds the corners of a piecewise-linear field program from its samples: split where a chord misses the
 // samples by more than the noise explains, fit a line to every run, join runs that one line serves, and put
-// each corner where its two lines meet.
+// each corner where its two lines miss least and meet.
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -111,6 +112,90 @@ std::size_t meeting_sample(const Samples& s, const Run& before, const Run& after
   return static_cast<std::size_t>(found - s.time.begin());
 }
 
+// Sums over the samples of a run that grows by one at a time.
+class Growing {
+ public:
+  Growing(double time, double value) : origin_{time, value} {}
+  void add(double time, double value) {
+    const double t = time - origin_[0], v = value - origin_[1];
+    count_ += 1;
+    t_ += t;
+    v_ += v;
+    tt_ += t * t;
+    tv_ += t * v;
+    vv_ += v * v;
+  }
+  // What the best line misses.
+  double squares() const {
+    const double tt = tt_ - t_ * t_ / count_, tv = tv_ - t_ * v_ / count_, vv = vv_ - v_ * v_ / count_;
+    return std::max(0.0, tt > 0 ? vv - tv * tv / tt : vv);
+  }
+
+ private:
+  std::array<double, 2> origin_;
+  double count_ = 0, t_ = 0, v_ = 0, tt_ = 0, tv_ = 0, vv_ = 0;
+};
+
+struct Corner {
+  std::size_t at = 0;
+  double squares = 0, without = 0;  // missed by the best two lines, by one
+};
+
+Corner best_corner(const Samples& s, std::size_t first, std::size_t last) {
+  Growing left(s.time[first], s.value[first]), right(s.time[last], s.value[last]);
+  std::vector<double> after(last - first + 1);
+  for (std::size_t i = last + 1; i-- > first;) {
+    right.add(s.time[i], s.value[i]);
+    after[i - first] = right.squares();
+  }
+  Corner out{first + 1, std::numeric_limits<double>::infinity(), after[0]};
+  left.add(s.time[first], s.value[first]);
+  for (std::size_t i = first + 1; i < last; ++i) {
+    left.add(s.time[i], s.value[i]);
+    const double squares = left.squares() + after[i - first];
+    if (squares < out.squares) out = {i, squares, out.without};
+  }
+  return out;
+}
+
+double squares(const Samples& s, const Run& run) {
+  Growing sums(s.time[run.first], s.value[run.first]);
+  for (std::size_t i = run.first; i <= run.last; ++i) sums.add(s.time[i], s.value[i]);
+  return sums.squares();
+}
+
+// Moves each corner to where its two lines together miss least. Runs that noise alone may have made are
+// dropped: what the best corner takes off a straight line's squares then is below 30 of the noise's.
+void settle(const Samples& s, double noise, std::vector<Run>& runs) {
+  constexpr int sweeps = 10;
+  const double chance = 30 * noise * noise;
+  bool moved = true;
+  for (int sweep = 0; sweep < sweeps && moved; ++sweep) {
+    moved = false;
+    std::vector<Run> kept{runs.front()};
+    for (std::size_t i = 1; i < runs.size(); ++i) {
+      const auto before = kept.back();
+      auto corner = best_corner(s, before.first, runs[i].last);
+      if (corner.without - corner.squares < chance) {
+        kept.back() = fit(s, before.first, runs[i].last);
+        continue;
+      }
+      if (i + 1 < runs.size()) {
+        const auto one = best_corner(s, before.first, runs[i + 1].last);
+        if (one.squares - squares(s, before) - squares(s, runs[i]) - squares(s, runs[i + 1]) < chance) {
+          corner = one;
+          ++i;
+        }
+      }
+      moved = moved || corner.at != runs[i].first;
+      kept.back() = fit(s, before.first, corner.at);
+      kept.push_back(fit(s, corner.at, runs[i].last));
+    }
+    moved = moved || kept.size() != runs.size();
+    runs = std::move(kept);
+  }
+}
+
 }  // namespace
 
 std::vector<SegmentRow> infer_segments(const Recording& recording) {
@@ -123,6 +208,7 @@ std::vector<SegmentRow> infer_segments(const Recording& recording) {
   const double tolerance = std::max(6 * noise, 1e-6 * (high - low)) + std::numeric_limits<double>::min();
   auto runs = join(s, split(s, tolerance), tolerance);
   drop_corner_steps(s, runs);
+  if (6 * noise >= tolerance) settle(s, noise, runs);
   for (std::size_t i = 1; i < runs.size(); ++i) {
     const auto corner = meeting_sample(s, runs[i - 1], runs[i]);
     runs[i - 1] = fit(s, runs[i - 1].first, corner);

@@ -185,6 +185,26 @@ TEST(Segments, AreFoundInANoisyField) {
   }
 }
 
+// Short steep ramps between long holds, one of 6 samples, a tenth of its height being noise.
+TEST(Segments, AreFoundWhereRampsAreShort) {
+  auto r =
+      testing::play(0, {{-4e5, 0.06}, {-4e5, 7.4}, {1.8e6, 0.43}, {-6e5, 0.47}, {-6e5, 7.4}, {0, 0.12}}, 100);
+  const auto truth = std::exchange(r.segments, {});
+  r.channels.at(static_cast<std::size_t>(Channel::command)).reset();
+  const auto clean = r.at(Channel::field);
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    r.set(Channel::field) = clean;
+    add_noise(*r.channels.at(static_cast<std::size_t>(Channel::field)), 1.5e4, seed);
+    const auto found = infer_segments(r);
+    ASSERT_EQ(found.size(), truth.size()) << seed;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      EXPECT_EQ(found[i].kind, truth[i].kind) << seed << ' ' << i;
+      EXPECT_NEAR(static_cast<double>(found[i].end_sample), static_cast<double>(truth[i].end_sample), 1)
+          << seed << ' ' << i;
+    }
+  }
+}
+
 Recording hostile_names() {
   auto r = creep_recording([](double t) { return 1e-7 * t; }, 0);
   r.header.title = "<script>alert(1)</script>";
