@@ -206,7 +206,8 @@ void RecordingMisfit::allow(Eigen::Ref<Eigen::VectorXd> column) const {
   for (const auto& a : allowances_) allow(a, column);
 }
 
-Eigen::MatrixXd RecordingMisfit::drive_slopes(const Setting& setting, std::size_t position) const {
+Eigen::MatrixXd RecordingMisfit::drive_slopes(const Setting& setting, std::size_t position,
+                                              const Eigen::VectorXd& normals) const {
   const auto& r = bench_[chosen_[position]];
   const auto [first, last] = blocks_of_[position];
   const Eigen::Index begin = blocks_[first].begin;
@@ -220,29 +221,28 @@ Eigen::MatrixXd RecordingMisfit::drive_slopes(const Setting& setting, std::size_
     }
     return out;
   };
-  const Eigen::VectorXd rest = part_of(r);
+  const Eigen::VectorXd rest = part_of(r.with_knots_moved(r.knot_error * normals));
   Eigen::MatrixXd out(rest.size(), r.knot_error.cols());
   for (Eigen::Index k = 0; k < out.cols(); ++k)
-    out.col(k) = part_of(r.with_knots_moved(r.knot_error.col(k))) - rest;
+    out.col(k) = part_of(r.with_knots_moved(r.knot_error * normals + r.knot_error.col(k))) - rest;
   return out;
 }
 
-BenchRecording RecordingMisfit::with_settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                                                   std::size_t position,
-                                                   const std::vector<std::vector<double>>& simulated) const {
+Eigen::VectorXd RecordingMisfit::settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                               std::size_t position, const Eigen::VectorXd& normals,
+                                               const std::vector<std::vector<double>>& simulated) const {
   const auto& r = bench_[chosen_[position]];
   const auto [first, last] = blocks_of_[position];
-  if (r.level_of.empty() || first == last) return r;
-  const auto slopes = drive_slopes(setting_at(hypothesis, z), position);
-  Eigen::VectorXd miss(slopes.rows());
+  const auto slopes = drive_slopes(setting_at(hypothesis, z), position, normals);
+  Eigen::VectorXd miss = slopes * normals;
   for (std::size_t b = first; b < last; ++b) {
     const auto& block = blocks_[b];
-    miss.segment(block.begin - blocks_[first].begin, block.count) =
+    miss.segment(block.begin - blocks_[first].begin, block.count) +=
         whiten(block, r.channels[block.channel].value) - whiten(block, simulated[block.channel]);
   }
   Eigen::MatrixXd precision = slopes.transpose() * slopes;
   precision.diagonal().array() += 1;
-  return r.with_knots_moved(r.knot_error * precision.llt().solve(slopes.transpose() * miss));
+  return precision.llt().solve(slopes.transpose() * miss);
 }
 
 void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen::VectorXd& at) {
@@ -257,7 +257,7 @@ void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen
     if (r.level_of.empty() || first == last) return;
     a.begin = blocks_[first].begin;
     a.count = blocks_[last - 1].begin + blocks_[last - 1].count - a.begin;
-    const auto columns = drive_slopes(setting, position);
+    const auto columns = drive_slopes(setting, position, Eigen::VectorXd::Zero(r.knot_error.cols()));
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(columns.transpose() * columns);
     std::vector<Eigen::Index> used;
     for (Eigen::Index k = 0; k < columns.cols(); ++k)

@@ -105,12 +105,13 @@ class RecordingMisfit final : public Misfit {
   std::vector<std::vector<double>> simulated(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
                                              std::size_t recording,
                                              const BenchRecording* drive = nullptr) const;
-  // A drive that was read from a measured field, put where the channels want it as far as the field's noise
-  // allows: the mean of the posterior over its knots, linear around where they were read, where the channels
+  // Where the channels want a drive that was read from a measured field, as far as the field's noise allows:
+  // the mean of the posterior over the unit normals of its knots, linear around `normals`, where the channels
   // are as `simulated`.
-  BenchRecording with_settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                                    std::size_t position,  // in chosen()
-                                    const std::vector<std::vector<double>>& simulated) const;
+  Eigen::VectorXd settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                std::size_t position,  // in chosen()
+                                const Eigen::VectorXd& normals,
+                                const std::vector<std::vector<double>>& simulated) const;
   // Measured less simulated over the noise's standard deviation, not whitened; NaN where not measured.
   std::vector<double> plain_residual(std::size_t recording, std::size_t channel,
                                      const std::vector<double>& simulated) const;
@@ -130,7 +131,8 @@ class RecordingMisfit final : public Misfit {
   std::vector<std::vector<double>> channels(const Setting& setting,
                                             std::size_t recording) const;  // without gains
   // Changes of a recording's part of the simulated signals, whitened, by the columns of knot_error.
-  Eigen::MatrixXd drive_slopes(const Setting& setting, std::size_t position) const;
+  Eigen::MatrixXd drive_slopes(const Setting& setting, std::size_t position,
+                               const Eigen::VectorXd& normals) const;
 
   const std::vector<BenchRecording>& bench_;
   const std::vector<std::vector<NoiseModel>>& noise_;

@@ -9,6 +9,7 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr std::size_t fewest_rows = 15;  // of a stretch that says anything
+constexpr int rounds = 3;                // in which a drive settles
 
 struct Squares {
   double sum = 0;
@@ -28,8 +29,11 @@ Prediction predict(const RecordingMisfit& fine, const RecordingMisfit& usual, co
   Prediction out{.simulated = Signals(chosen.size()), .residuals = Signals(chosen.size())};
   in_parallel(chosen.size(), fine.threads(), [&](std::size_t i) {
     out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i]);
-    if (!fine.bench()[chosen[i]].level_of.empty()) {
-      const auto drive = usual.with_settled_drive(fit.hypothesis, fit.z, i, out.simulated[i]);
+    const auto& r = fine.bench()[chosen[i]];
+    Eigen::VectorXd normals = Eigen::VectorXd::Zero(r.knot_error.cols());
+    for (int round = 0; round < rounds && !r.level_of.empty(); ++round) {
+      normals = usual.settled_drive(fit.hypothesis, fit.z, i, normals, out.simulated[i]);
+      const auto drive = r.with_knots_moved(r.knot_error * normals);
       out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i], &drive);
     }
     for (std::size_t c = 0; c < out.simulated[i].size(); ++c)

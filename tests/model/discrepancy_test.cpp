@@ -260,7 +260,9 @@ TEST(Discrepancy, AMeasuredDriveIsSettledByTheChannels) {
   const auto truth = discrepancy::base_hypothesis(real_bench(), bench);
   const auto at = discrepancy::at_rest(truth);
   const auto before = misfit.simulated(truth, at, 0);
-  const auto settled = misfit.with_settled_drive(truth, at, 0, before);
+  const Eigen::VectorXd as_read = Eigen::VectorXd::Zero(bench[0].knot_error.cols());
+  const auto settled =
+      bench[0].with_knots_moved(bench[0].knot_error * misfit.settled_drive(truth, at, 0, as_read, before));
   const auto after = misfit.simulated(truth, at, 0, &settled);
   const auto squares = [&](const std::vector<std::vector<double>>& simulated) {
     double sum = 0, count = 0;
