@@ -47,11 +47,18 @@ double worst_miss(const Samples& s, const Run& run) {
   return worst;
 }
 
+// A comb splits at its ends again and again; from a depth that others do not reach on, the middle is taken,
+// so that the time stays bounded. What that splits in vain is joined again.
 std::vector<std::size_t> split(const Samples& s, double tolerance) {
+  struct Piece {
+    std::size_t first, last;
+    int depth;
+  };
+  constexpr int deep = 60;
   std::vector<std::size_t> corners{0, s.time.size() - 1};
-  std::vector<std::pair<std::size_t, std::size_t>> open{{0, s.time.size() - 1}};
+  std::vector<Piece> open{{0, s.time.size() - 1, 0}};
   while (!open.empty()) {
-    const auto [first, last] = open.back();
+    const auto [first, last, depth] = open.back();
     open.pop_back();
     const double slope = (s.value[last] - s.value[first]) / (s.time[last] - s.time[first]);
     double worst = tolerance;
@@ -64,9 +71,10 @@ std::vector<std::size_t> split(const Samples& s, double tolerance) {
       }
     }
     if (corner == first) continue;
+    if (depth > deep) corner = first + (last - first) / 2;
     corners.push_back(corner);
-    open.emplace_back(first, corner);
-    open.emplace_back(corner, last);
+    open.push_back({first, corner, depth + 1});
+    open.push_back({corner, last, depth + 1});
   }
   std::ranges::sort(corners);
   return corners;
@@ -92,13 +100,16 @@ double meeting_time(const Run& before, const Run& after) {
 
 // A single step between two runs that meet within it is a corner that fell between two samples.
 void drop_corner_steps(const Samples& s, std::vector<Run>& runs) {
-  for (std::size_t i = 1; i + 1 < runs.size(); ++i) {
-    if (runs[i].last != runs[i].first + 1) continue;
-    const double meeting = meeting_time(runs[i - 1], runs[i + 1]);
-    const double slack = 1e-6 * (s.time[runs[i].last] - s.time[runs[i].first]);
-    if (meeting < s.time[runs[i].first] - slack || meeting > s.time[runs[i].last] + slack) continue;
-    runs.erase(runs.begin() + static_cast<std::ptrdiff_t>(i));
+  std::vector<Run> kept;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (i > 0 && i + 1 < runs.size() && runs[i].last == runs[i].first + 1) {
+      const double meeting = meeting_time(kept.back(), runs[i + 1]);
+      const double slack = 1e-6 * (s.time[runs[i].last] - s.time[runs[i].first]);
+      if (meeting >= s.time[runs[i].first] - slack && meeting <= s.time[runs[i].last] + slack) continue;
+    }
+    kept.push_back(runs[i]);
   }
+  runs = std::move(kept);
 }
 
 // The sample nearest to where two neighbouring lines meet, between the middles of their runs.
