@@ -68,64 +68,98 @@ std::vector<std::size_t> chords(const std::vector<double>& time, const std::vect
   return out;
 }
 
+// Calls visit(knot, u, field) for each sample that was measured: it lies at the share u of the way from
+// knot - 1 to knot.
+template <class Visit>
+void for_each_sample(const BenchRecording& drive, const Recording& r, Visit&& visit) {
+  const auto& field = r.at(Channel::field);
+  std::size_t knot = 1;
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    if (!std::isfinite(field[i])) continue;
+    const double t = r.time[i] - r.time.front();
+    while (knot + 1 < drive.knot_time.size() && t > drive.knot_time[knot]) ++knot;
+    const double span = drive.knot_time[knot] - drive.knot_time[knot - 1];
+    visit(knot, std::clamp((t - drive.knot_time[knot - 1]) / span, 0.0, 1.0), field[i]);
+  }
+}
+
+// The levels by least squares, the times as they are: neighbours alone know of each other.
+void fit_levels(BenchRecording& out, const Recording& r) {
+  const auto n = static_cast<Eigen::Index>(out.level_of.back() + 1);
+  Eigen::VectorXd own = Eigen::VectorXd::Constant(n, 1e-9), next = Eigen::VectorXd::Zero(n),
+                  along = Eigen::VectorXd::Zero(n);
+  for_each_sample(out, r, [&](std::size_t knot, double u, double field) {
+    const auto a = static_cast<Eigen::Index>(out.level_of[knot - 1]),
+               b = static_cast<Eigen::Index>(out.level_of[knot]);
+    if (a == b) u = 0;  // a hold
+    own[a] += (1 - u) * (1 - u);
+    own[b] += u * u;
+    next[a] += u * (1 - u);
+    along[a] += (1 - u) * field;
+    along[b] += u * field;
+  });
+  for (Eigen::Index k = 1; k < n; ++k) {
+    const double share = next[k - 1] / own[k - 1];
+    own[k] -= share * next[k - 1];
+    along[k] -= share * along[k - 1];
+  }
+  for (Eigen::Index k = n; k-- > 0;)
+    along[k] = (along[k] - (k + 1 < n ? next[k] * along[k + 1] : 0)) / own[k];
+  out.knot_field.clear();
+  for (const auto level : out.level_of) out.knot_field.push_back(along[static_cast<Eigen::Index>(level)]);
+}
+
 // The knots by least squares over all samples of the measured field, from corners that are right to a sample;
 // and what the field's noise leaves uncertain of them.
 void fit_knots(BenchRecording& out, const Recording& r) {
-  const auto& field = r.at(Channel::field);
+  fit_levels(out, r);
   const std::size_t last = out.knot_time.size() - 1, levels = out.level_of.back() + 1;
-  const bool times_too = levels < most_levels;
-  const auto n = static_cast<Eigen::Index>(levels + (times_too ? last - 1 : 0));
+  if (levels >= most_levels) {
+    out.level_of.clear();
+    return;
+  }
+  const auto n = static_cast<Eigen::Index>(levels + last - 1);
   const auto corners_found = out.knot_time;
   const double interval = (r.time.back() - r.time.front()) / static_cast<double>(r.size() - 1);
-  out.knot_field.assign(last + 1, 0);
   std::vector<double> known;
-  for (const double e : field)
+  for (const double e : r.at(Channel::field))
     if (std::isfinite(e)) known.push_back(e);
   const auto [least, most] = std::ranges::minmax(known);
   // Exact steps have none.
   const double noise = std::max(recordings::estimate_noise(known), 1e-9 * (most - least));
   Eigen::MatrixXd normal(n, n);
   Eigen::VectorXd along(n);
-  constexpr int rounds = 4;  // the first for the levels alone
+  constexpr int rounds = 3;
   for (int round = 0; round < rounds; ++round) {
     normal.setZero();
     along.setZero();
-    std::size_t knot = 1;
-    for (std::size_t i = 0; i < r.size(); ++i) {
-      if (!std::isfinite(field[i])) continue;
-      const double t = r.time[i] - r.time.front();
-      while (knot < last && t > out.knot_time[knot]) ++knot;
+    for_each_sample(out, r, [&](std::size_t knot, double u, double field) {
       const double span = out.knot_time[knot] - out.knot_time[knot - 1];
-      const double u = std::clamp((t - out.knot_time[knot - 1]) / span, 0.0, 1.0);
       const double rise = out.knot_field[knot] - out.knot_field[knot - 1];
-      const double miss = field[i] - out.knot_field[knot - 1] - u * rise;
+      const double miss = field - out.knot_field[knot - 1] - u * rise;
       std::vector<std::pair<std::size_t, double>> parts{{out.level_of[knot - 1], 1 - u},
                                                         {out.level_of[knot], u}};
-      if (times_too && round > 0 && knot >= 2) parts.emplace_back(levels + knot - 2, -(1 - u) * rise / span);
-      if (times_too && round > 0 && knot < last) parts.emplace_back(levels + knot - 1, -u * rise / span);
+      if (knot >= 2) parts.emplace_back(levels + knot - 2, -(1 - u) * rise / span);
+      if (knot < last) parts.emplace_back(levels + knot - 1, -u * rise / span);
       for (const auto& [row, weight] : parts) {
         along[static_cast<Eigen::Index>(row)] += weight * miss;
         for (const auto& [column, other] : parts)
           normal(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column)) += weight * other;
       }
-    }
+    });
     // A corner that is hardly a bend cannot be dated: by itself its time is known to a sample.
     for (Eigen::Index k = 0; k < n; ++k)
       normal(k, k) += k < static_cast<Eigen::Index>(levels) ? 1e-9 : std::pow(noise / interval, 2);
     const Eigen::VectorXd step = normal.llt().solve(along);
     for (std::size_t k = 0; k <= last; ++k)
       out.knot_field[k] += step[static_cast<Eigen::Index>(out.level_of[k])];
-    for (std::size_t k = 1; times_too && k < last; ++k) {
+    for (std::size_t k = 1; k < last; ++k) {
       // Stays within a sample of the corner, and away from its neighbours.
       const double room = std::min({interval, 0.4 * (corners_found[k] - corners_found[k - 1]),
                                     0.4 * (corners_found[k + 1] - corners_found[k])});
       out.knot_time[k] = std::clamp(out.knot_time[k] + step[static_cast<Eigen::Index>(levels + k - 1)],
                                     corners_found[k] - room, corners_found[k] + room);
     }
-  }
-  if (!times_too) {
-    out.level_of.clear();
-    return;
   }
   // normal = L L^T, so noise * L^-T has the covariance of the knots.
   out.knot_error = noise * Eigen::MatrixXd(normal.llt().matrixU().solve(Eigen::MatrixXd::Identity(n, n)));
