@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -97,7 +98,10 @@ struct Recording {
   std::vector<double>& set(Channel c) { return channels[static_cast<std::size_t>(c)].emplace(); }
 };
 
-// Segments from the command (or field) alone, for a recording that has none: runs of constant slope.
-std::vector<SegmentRow> infer_segments(const Recording& recording);
+// Segments from the command (or field) alone, for a recording that has none: runs of constant slope. A ramp
+// is cut in two at a bend too slight to be sure of where that takes more than `bend` of the noise's squares
+// off.
+std::vector<SegmentRow> infer_segments(const Recording& recording,
+                                       double bend = std::numeric_limits<double>::infinity());
 
 }  // namespace ferrobench::recordings

@@ -207,9 +207,30 @@ void settle(const Samples& s, double noise, std::vector<Run>& runs) {
   }
 }
 
+bool is_hold(const Samples& s, const Run& run, double noise, double range) {
+  const double change = run.line.slope * (s.time[run.last] - s.time[run.first]);
+  return std::abs(change) <= std::max(3 * noise, 1e-6 * range);
+}
+
+std::vector<Run> cut_at_bends(const Samples& s, const std::vector<Run>& runs, double noise, double range,
+                              double bend) {
+  constexpr std::size_t fewest = 3;  // intervals of a part
+  std::vector<Run> out;
+  for (const auto& run : runs) {
+    out.push_back(run);
+    if (run.last < run.first + 2 * fewest || is_hold(s, run, noise, range)) continue;
+    const auto corner = best_corner(s, run.first, run.last);
+    if (corner.without - corner.squares <= bend * noise * noise) continue;
+    const auto at = std::clamp(corner.at, run.first + fewest, run.last - fewest);
+    out.back() = fit(s, run.first, at);
+    out.push_back(fit(s, at, run.last));
+  }
+  return out;
+}
+
 }  // namespace
 
-std::vector<SegmentRow> infer_segments(const Recording& recording) {
+std::vector<SegmentRow> infer_segments(const Recording& recording, double bend) {
   if (!recording.has(Channel::command) && !recording.has(Channel::field)) return {};
   const auto s = known_samples(recording);
   if (s.time.size() < 2) return {};
@@ -225,11 +246,11 @@ std::vector<SegmentRow> infer_segments(const Recording& recording) {
     runs[i - 1] = fit(s, runs[i - 1].first, corner);
     runs[i] = fit(s, corner, runs[i].last);
   }
+  if (std::isfinite(bend)) runs = cut_at_bends(s, runs, noise, high - low, bend);
   std::vector<SegmentRow> out;
   int ramps = 0, holds = 0;
   for (const auto& run : runs) {
-    const double change = run.line.slope * (s.time[run.last] - s.time[run.first]);
-    const bool hold = std::abs(change) <= std::max(3 * noise, 1e-6 * (high - low));
+    const bool hold = is_hold(s, run, noise, high - low);
     out.push_back({.start_sample = static_cast<std::int64_t>(s.index[run.first]),
                    .end_sample = static_cast<std::int64_t>(s.index[run.last]),
                    .kind = hold ? "hold" : "ramp",

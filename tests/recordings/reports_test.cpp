@@ -205,6 +205,28 @@ TEST(Segments, AreFoundWhereRampsAreShort) {
   }
 }
 
+// How often a ramp of 60 samples is cut, straight or with a bend of 1.5 standard deviations of the noise.
+TEST(Segments, SlightBendsAreCutWhereAskedFor) {
+  const auto cut = [](double bend_at, double bend) {
+    auto r = testing::play(0, {{bend_at, 0.3}, {1.8e6, 0.3}, {1.8e6, 2}}, 100);
+    r.segments.clear();
+    r.channels.at(static_cast<std::size_t>(Channel::command)).reset();
+    const auto clean = r.at(Channel::field);
+    int count = 0;
+    for (unsigned seed = 1; seed <= 200; ++seed) {
+      r.set(Channel::field) = clean;
+      add_noise(*r.channels.at(static_cast<std::size_t>(Channel::field)), 1.5e4, seed);
+      count += infer_segments(r, bend).size() > 2 ? 1 : 0;
+    }
+    return count;
+  };
+  constexpr double never = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(cut(9e5, never), 0);
+  EXPECT_EQ(cut(9e5 + 2.25e4, never), 0);
+  EXPECT_LT(cut(9e5, 8), 40);
+  EXPECT_GT(cut(9e5 + 2.25e4, 8), 160);
+}
+
 Recording hostile_names() {
   auto r = creep_recording([](double t) { return 1e-7 * t; }, 0);
   r.header.title = "<script>alert(1)</script>";
