@@ -1,7 +1,6 @@
 // Finds the corners of a piecewise-linear field program from its samples: split where a chord misses the
 // samples by more than the noise explains, fit a line to every run, join runs that one line serves, and put
 // each corner where its two lines miss least and meet.
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -47,6 +46,20 @@ double worst_miss(const Samples& s, const Run& run) {
   return worst;
 }
 
+// The chord of a stretch of samples. Squares are summed of what lies beside it: it is of the size that
+// counts, and so is its rounding.
+struct Chord {
+  Chord(const Samples& samples, std::size_t first, std::size_t last)
+      : s(samples),
+        time(s.time[first]),
+        value(s.value[first]),
+        slope((s.value[last] - value) / (s.time[last] - time)) {}
+  double beside(std::size_t i) const { return s.value[i] - value - slope * (s.time[i] - time); }
+
+  const Samples& s;
+  double time, value, slope;
+};
+
 // A comb splits at its ends again and again; from a depth that others do not reach on, the middle is taken,
 // so that the time stays bounded. What that splits in vain is joined again.
 std::vector<std::size_t> split(const Samples& s, double tolerance) {
@@ -60,11 +73,11 @@ std::vector<std::size_t> split(const Samples& s, double tolerance) {
   while (!open.empty()) {
     const auto [first, last, depth] = open.back();
     open.pop_back();
-    const double slope = (s.value[last] - s.value[first]) / (s.time[last] - s.time[first]);
+    const Chord chord(s, first, last);
     double worst = tolerance;
     std::size_t corner = first;
     for (std::size_t i = first + 1; i < last; ++i) {
-      const double miss = std::abs(s.value[i] - s.value[first] - slope * (s.time[i] - s.time[first]));
+      const double miss = std::abs(chord.beside(i));
       if (miss > worst) {
         worst = miss;
         corner = i;
@@ -126,9 +139,9 @@ std::size_t meeting_sample(const Samples& s, const Run& before, const Run& after
 // Sums over the samples of a run that grows by one at a time.
 class Growing {
  public:
-  Growing(double time, double value) : origin_{time, value} {}
-  void add(double time, double value) {
-    const double t = time - origin_[0], v = value - origin_[1];
+  explicit Growing(double time) : origin_(time) {}
+  void add(double time, double v) {
+    const double t = time - origin_;
     count_ += 1;
     t_ += t;
     v_ += v;
@@ -143,8 +156,7 @@ class Growing {
   }
 
  private:
-  std::array<double, 2> origin_;
-  double count_ = 0, t_ = 0, v_ = 0, tt_ = 0, tv_ = 0, vv_ = 0;
+  double origin_, count_ = 0, t_ = 0, v_ = 0, tt_ = 0, tv_ = 0, vv_ = 0;
 };
 
 struct Corner {
@@ -153,16 +165,17 @@ struct Corner {
 };
 
 Corner best_corner(const Samples& s, std::size_t first, std::size_t last) {
-  Growing left(s.time[first], s.value[first]), right(s.time[last], s.value[last]);
+  const Chord chord(s, first, last);
+  Growing left(s.time[first]), right(s.time[last]);
   std::vector<double> after(last - first + 1);
   for (std::size_t i = last + 1; i-- > first;) {
-    right.add(s.time[i], s.value[i]);
+    right.add(s.time[i], chord.beside(i));
     after[i - first] = right.squares();
   }
   Corner out{first + 1, std::numeric_limits<double>::infinity(), after[0]};
-  left.add(s.time[first], s.value[first]);
+  left.add(s.time[first], chord.beside(first));
   for (std::size_t i = first + 1; i < last; ++i) {
-    left.add(s.time[i], s.value[i]);
+    left.add(s.time[i], chord.beside(i));
     const double squares = left.squares() + after[i - first];
     if (squares < out.squares) out = {i, squares, out.without};
   }
@@ -170,8 +183,9 @@ Corner best_corner(const Samples& s, std::size_t first, std::size_t last) {
 }
 
 double squares(const Samples& s, const Run& run) {
-  Growing sums(s.time[run.first], s.value[run.first]);
-  for (std::size_t i = run.first; i <= run.last; ++i) sums.add(s.time[i], s.value[i]);
+  const Chord chord(s, run.first, run.last);
+  Growing sums(s.time[run.first]);
+  for (std::size_t i = run.first; i <= run.last; ++i) sums.add(s.time[i], chord.beside(i));
   return sums.squares();
 }
 
