@@ -185,7 +185,7 @@ TEST(Segments, AreFoundInANoisyField) {
   }
 }
 
-// Short steep ramps between long holds, one of 6 samples, a tenth of its height being noise.
+// Short steep ramps between long holds, one of 6 samples, in a noise of 4 % of its height.
 TEST(Segments, AreFoundWhereRampsAreShort) {
   auto r =
       testing::play(0, {{-4e5, 0.06}, {-4e5, 7.4}, {1.8e6, 0.43}, {-6e5, 0.47}, {-6e5, 7.4}, {0, 0.12}}, 100);
