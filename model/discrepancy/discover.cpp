@@ -147,7 +147,9 @@ std::set<std::size_t> learn(Session& s, const Model& base, const std::vector<con
   }
   s.tick("the proof", 0.95);
   std::set<std::size_t> strange;
-  const auto before_it = predict(fine, misfit, fitted), after_it = predict(fine, misfit, after);
+  const bool added = found.best != nullptr;
+  const auto before_it = predict(fine, misfit, fitted),
+             after_it = added ? predict(fine, misfit, after) : before_it;
   out.where = excess_by_stretch(fine, before_it.residuals);
   out.train.before = rms_by_channel(fine, before_it.residuals);
   out.train.after = rms_by_channel(fine, after_it.residuals);
@@ -155,7 +157,7 @@ std::set<std::size_t> learn(Session& s, const Model& base, const std::vector<con
     const RecordingMisfit locked(s.bench, s.noise, s.held_out, simulations.fine, s.threads);
     const RecordingMisfit locked_usual(s.bench, s.noise, s.held_out, simulations.usual, s.threads);
     const auto locked_before = predict(locked, locked_usual, fitted),
-               locked_after = predict(locked, locked_usual, after);
+               locked_after = added ? predict(locked, locked_usual, after) : locked_before;
     strange = unexplained(locked, locked_before.residuals);
     out.held_out.before = rms_by_channel(locked, locked_before.residuals);
     out.held_out.after = rms_by_channel(locked, locked_after.residuals);
