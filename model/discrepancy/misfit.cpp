@@ -32,10 +32,16 @@ double gain_of(const Setting& setting, recordings::Channel channel) {
 }  // namespace
 
 void in_parallel(std::size_t count, int threads, const std::function<void(std::size_t)>& task) {
+  thread_local bool in_a_task = false;
+  if (in_a_task || threads <= 1 || count <= 1) {
+    for (std::size_t i = 0; i < count; ++i) task(i);
+    return;
+  }
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
   std::mutex mutex;
   const auto work = [&] {
+    in_a_task = true;
     for (std::size_t i = next++; i < count; i = next++) {
       try {
         task(i);
@@ -45,6 +51,7 @@ void in_parallel(std::size_t count, int threads, const std::function<void(std::s
         next = count;
       }
     }
+    in_a_task = false;
   };
   {
     std::vector<std::jthread> others;
@@ -72,8 +79,9 @@ std::vector<Eigen::VectorXd> Misfit::residuals(
       out[p].setConstant(unsolvable);
     }
   }
-  in_parallel(groups.size() * parts(), threads_,
-              [&](std::size_t i) { fill(groups[i / parts()], i % parts()); });
+  const auto ordered = parts();
+  in_parallel(groups.size() * ordered.size(), threads_,
+              [&](std::size_t i) { fill(groups[i % groups.size()], ordered[i / groups.size()]); });
   simulations_ += static_cast<int>(groups.size());
   return out;
 }
@@ -116,6 +124,17 @@ RecordingMisfit::RecordingMisfit(const std::vector<BenchRecording>& bench,
     }
     blocks_of_.emplace_back(first, blocks_.size());
   }
+}
+
+std::vector<std::size_t> RecordingMisfit::parts() const {
+  std::vector<std::pair<std::uint64_t, std::size_t>> by_steps;
+  for (std::size_t position = 0; position < chosen_.size(); ++position)
+    by_steps.emplace_back(usual_steps_[chosen_[position]], position);
+  std::ranges::sort(by_steps, std::greater<>());
+  std::vector<std::size_t> out;
+  out.reserve(by_steps.size());
+  for (const auto& [steps, position] : by_steps) out.push_back(position);
+  return out;
 }
 
 Misfit::Times RecordingMisfit::times() const {

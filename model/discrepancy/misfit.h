@@ -15,7 +15,8 @@
 
 namespace ferrobench::model::discrepancy {
 
-// Calls task(0 .. count-1), spread over threads; the first exception is thrown again.
+// Calls task(0 .. count-1), spread over threads; the first exception is thrown again. Within a task, another
+// one runs on its thread alone.
 void in_parallel(std::size_t count, int threads, const std::function<void(std::size_t)>& task);
 
 struct Block {
@@ -58,7 +59,8 @@ class Misfit {
 
  protected:
   Misfit(SimulationOptions simulation, int threads) : simulation_(simulation), threads_(threads) {}
-  virtual std::size_t parts() const = 0;  // that are simulated one by one
+  // What is simulated one by one, the dearest first.
+  virtual std::vector<std::size_t> parts() const = 0;
   struct Wanted {
     std::size_t place = 0;
     Setting setting;
@@ -125,7 +127,7 @@ class RecordingMisfit final : public Misfit {
     Eigen::VectorXd constant;  // whitened offset of 1
     double share = 0;          // of it to take out
   };
-  std::size_t parts() const override { return chosen_.size(); }
+  std::vector<std::size_t> parts() const override;
   void fill(std::span<const Wanted> alike, std::size_t position) const override;
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
   std::vector<std::vector<double>> channels(const Setting& setting,

@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <mutex>
 #include <random>
 #include <thread>
 
 namespace ferrobench::model::discrepancy {
 namespace {
 
-constexpr int base_starts = 5;
+constexpr int other_starts = 4;
 
 // From the given model and from other starts: one of them may lead to a better minimum.
 Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, const SearchOptions& options,
@@ -22,13 +24,17 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
   double least = std::numeric_limits<double>::infinity();
   limits.iterations = 8;
   limits.refreshes = 2;
-  for (int start = 1; start < base_starts; ++start) {
-    auto z = at_rest(base);
+  std::vector<Eigen::VectorXd> starts(other_starts, at_rest(base));
+  for (auto& z : starts)
     for (double& v : z) v = normal(random);
-    limits.tick = [&, start] {
-      options.tick("recalibrating from other starts", 0.1 + 0.15 * start / base_starts);
-    };
-    auto other = fit(misfit, base, z, limits);
+  std::atomic<int> ended = 0;
+  limits.tick = [&] { options.tick("recalibrating from other starts", 0.1 + 0.15 * ended / other_starts); };
+  std::vector<Fit> others(other_starts);
+  in_parallel(other_starts, misfit.threads(), [&](std::size_t i) {
+    others[i] = fit(misfit, base, starts[i], limits);
+    ++ended;
+  });
+  for (auto& other : others) {
     least = std::min(least, other.squares);
     if (other.squares < 0.98 * best.squares) best = std::move(other);
   }
@@ -41,7 +47,7 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
   if (!std::isfinite(best.squares))
     throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",
                 Problem{.message = "their difference is not a finite number"});
-  health.starts = base_starts;
+  health.starts = 1 + other_starts;
   health.start_spread = (least - first) / first;
   return best;
 }
@@ -101,7 +107,8 @@ int threads_of(const DiscoverOptions& options) {
 }
 
 Ticker ticker(const DiscoverOptions& options) {
-  return [&options](const std::string& stage, double fraction) {
+  return [&options, one = std::make_shared<std::mutex>()](const std::string& stage, double fraction) {
+    const std::scoped_lock lock(*one);
     if (options.progress && !options.progress({stage, fraction}))
       throw Error(ErrorCode::cancelled, "the search was stopped");
   };

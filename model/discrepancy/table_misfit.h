@@ -35,7 +35,7 @@ class TableMisfit final : public Misfit {
   std::vector<double> limits(const EffectParameter&) const override { return {}; }
 
  private:
-  std::size_t parts() const override { return 1; }
+  std::vector<std::size_t> parts() const override { return {0}; }
   void fill(std::span<const Wanted> alike, std::size_t part) const override;
 
   const PublishedExperiments& experiments_;
