@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
@@ -12,6 +13,8 @@ namespace {
 
 constexpr std::size_t most_refits = 10, most_firsts = 2, most_best = 3, most_seconds = 4, most_pairs = 3,
                       most_tried = 3;
+// Of all starts, those that are gone on with after a step: of an effect, in all.
+constexpr std::size_t most_of_each = 2, most_of_all = 12;
 constexpr double astray = 1.2;        // sum of squares over their number
 constexpr double most_squares = 1.2;  // likewise: the noise's level is estimated to a few percent
 constexpr double far_worse = 2;       // a sum of squares than another
@@ -27,6 +30,18 @@ std::vector<const Effect*> without(const std::vector<const Effect*>& all,
 }
 
 using Starts = std::vector<std::vector<double>>;
+
+// An effect, and where its parameters stand at first.
+struct Start {
+  const Effect* effect = nullptr;
+  std::vector<double> values;
+};
+
+std::vector<Start> of(const Effect& effect, Starts starts) {
+  std::vector<Start> out;
+  for (auto& values : starts) out.push_back({&effect, std::move(values)});
+  return out;
+}
 
 // Limits at what was reached; none for other effects.
 Starts limits_in(const Misfit& misfit, const Effect& effect, std::vector<double> values) {
@@ -79,6 +94,12 @@ void make_plausible(const Effect& effect, std::vector<double>& values) {
   }
 }
 
+// The first ones of each.
+void keep_of_each(std::vector<Trial>& trials, std::size_t most) {
+  std::map<std::vector<const Effect*>, std::size_t> seen;
+  std::erase_if(trials, [&](const Trial& t) { return ++seen[t.effects] > most; });
+}
+
 class Namer {
  public:
   Namer(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options)
@@ -98,8 +119,8 @@ class Namer {
               tick(stage, fraction);
             }};
   }
-  static FitLimits few_steps(const std::function<void()>& in_between) {
-    return {.iterations = 3, .refreshes = 0, .enough = 1, .tick = in_between};
+  static FitLimits steps(int count, const std::function<void()>& in_between) {
+    return {.iterations = count, .refreshes = 0, .enough = 1, .tick = in_between};
   }
   double allowed(const Trial& t) const { return allowed_left(options_, t.drop); }
   bool is_enough(const Trial& t) const { return t.checked && t.left < allowed(t); }
@@ -109,8 +130,9 @@ class Namer {
   }
 
   const Fit& rest_of(const Fit& from);
-  Fit best_start(const Fit& from, const Effect& effect, const Starts& starts,
-                 const std::function<void()>& in_between) const;
+  std::vector<Trial> begin(const Fit& from, const std::vector<const Effect*>& before,
+                           const std::vector<Start>& starts, std::size_t of_each,
+                           const std::function<void()>& in_between) const;
   Fit from_base(const Fit& from, const Screened& s, const FitLimits& limits) const;
   void refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
              const Screened& s, const FitLimits& limits);
@@ -153,18 +175,33 @@ const Fit& Namer::rest_of(const Fit& from) {
   return *rest_;
 }
 
-// A few steps from each start, the best of them.
-Fit Namer::best_start(const Fit& from, const Effect& effect, const Starts& starts,
-                      const std::function<void()>& in_between) const {
-  std::optional<Fit> best;
-  for (const auto& values : starts) {
-    const auto hypothesis = with_effect(from.hypothesis, effect, values);
+// A step from each start, two more from those that are best then, so many of each effect. Best first.
+std::vector<Trial> Namer::begin(const Fit& from, const std::vector<const Effect*>& before,
+                                const std::vector<Start>& starts, std::size_t of_each,
+                                const std::function<void()>& in_between) const {
+  std::vector<Trial> out(starts.size());
+  in_parallel(starts.size(), misfit_.threads(), [&](std::size_t i) {
+    const auto hypothesis = with_effect(from.hypothesis, *starts[i].effect, starts[i].values);
     auto z = at_rest(hypothesis);
     z.head(from.z.size()) = from.z;
-    auto f = fit(misfit_, hypothesis, z, few_steps(in_between), &from);
-    if (!best || f.squares < best->squares) best = std::move(f);
-  }
-  return *std::move(best);
+    const auto stepped = fit(misfit_, hypothesis, z, steps(1, in_between), &from);
+    auto& t = out[i];
+    t.effects = before;
+    t.effects.push_back(starts[i].effect);
+    t.fit.hypothesis = hypothesis;  // no more: there are many
+    t.fit.z = stepped.z;
+    t.drop = base_.squares - stepped.squares;
+  });
+  best_first(out);
+  keep_of_each(out, of_each);
+  if (out.size() > most_of_all) out.resize(most_of_all);
+  in_parallel(out.size(), misfit_.threads(), [&](std::size_t i) {
+    auto& t = out[i];
+    t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, steps(2, in_between), &from);
+    t.drop = base_.squares - t.fit.squares;
+  });
+  best_first(out);
+  return out;
 }
 
 // From where the base stands, with what the parameters would give up for the effect.
@@ -189,21 +226,24 @@ void Namer::refit(std::vector<Trial>& into, const Fit& from, const std::vector<c
     t.drop = base_.squares - t.fit.squares;
     t.begun = begun;
   };
+  const auto best_of = [&](Starts starts) {
+    const auto of_each = options_.few ? most_of_all : most_of_each;
+    return begin(rest_of(from), before, of(*s.effect, std::move(starts)), of_each, limits.tick).front().fit;
+  };
   if (from.squares < astray * samples_) return add(from_base(from, s, limits), false);
   if (options_.few) {
     auto starts = starts_around(misfit_, *s.effect, s.values);
     std::ranges::move(starts_of(misfit_, *s.effect), std::back_inserter(starts));
     for (auto& values : starts) make_plausible(*s.effect, values);
-    const auto begun = best_start(rest_of(from), *s.effect, starts, limits.tick);
+    const auto begun = best_of(std::move(starts));
     auto to_the_end = limits;  // tables are simulated in milliseconds
     to_the_end.iterations = 40;
     to_the_end.refreshes = 6;
     return add(fit(misfit_, begun.hypothesis, begun.z, to_the_end, &begun), false);
   }
-  add(from_base(from, s, few_steps(limits.tick)), true);
+  add(from_base(from, s, steps(3, limits.tick)), true);
   // A second one was screened beside the first, so its strength is about right.
-  const auto starts = before.empty() ? starts_around(misfit_, *s.effect, s.values) : Starts{s.values};
-  add(best_start(rest_of(from), *s.effect, starts, limits.tick), true);
+  add(best_of(before.empty() ? starts_around(misfit_, *s.effect, s.values) : Starts{s.values}), true);
   if (before.empty()) from_rest_.insert(s.effect);
 }
 
@@ -217,8 +257,7 @@ void Namer::go_on(std::vector<Trial>& trials, const FitLimits& limits) const {
     t.drop = base_.squares - t.fit.squares;
   }
   best_first(trials);
-  std::set<std::vector<const Effect*>> seen;
-  std::erase_if(trials, [&](const Trial& t) { return !seen.insert(t.effects).second; });
+  keep_of_each(trials, 1);
 }
 
 // Where the parameters of a trial's effect stand.
@@ -317,14 +356,10 @@ void Namer::try_every_effect(const Trial* first) {
                             : gone_astray    ? "starting again from what was given"
                                              : "every effect at plausible strengths",
                             0.95);
-  std::vector<Trial> tried;
-  const auto start = [&](const Effect& e, const Starts& starts) {
+  std::vector<Start> starts;
+  const auto start = [&](const Effect& e, Starts its) {
     if (before.empty() && !from_rest_.insert(&e).second) return;
-    Trial t;
-    t.effects = before;
-    t.effects.push_back(&e);
-    t.fit = best_start(from, e, starts, stage.tick);
-    tried.push_back(std::move(t));
+    std::ranges::move(of(e, std::move(its)), std::back_inserter(starts));
   };
   if (before.empty())
     for (std::size_t i = 0; i < std::min(out_.trials.size(), most_best); ++i) {
@@ -332,14 +367,14 @@ void Namer::try_every_effect(const Trial* first) {
       start(*t.effects[0], starts_around(misfit_, *t.effects[0], values_in(t, 0)));
     }
   for (const auto* e : without(options_.candidates, before)) start(*e, starts_of(misfit_, *e));
-  const auto sort = [&] {
-    for (auto& t : tried) t.drop = base_.squares - t.fit.squares;
-    best_first(tried);
-  };
-  sort();
+  auto tried = begin(from, before, starts, most_of_each, stage.tick);
+  keep_of_each(tried, 1);
   if (tried.size() > most_tried) tried.resize(most_tried);
-  for (auto& t : tried) t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, stage, &t.fit);
-  sort();
+  for (auto& t : tried) {
+    t.fit = fit(misfit_, t.fit.hypothesis, t.fit.z, stage, &t.fit);
+    t.drop = base_.squares - t.fit.squares;
+  }
+  best_first(tried);
   auto& others = before.empty() ? out_.trials : pairs_;
   const auto worse = [&](const Trial& t) { return score(t, samples_) < score(tried.front(), samples_); };
   if (tried.empty() || !std::ranges::all_of(others, worse)) return;
