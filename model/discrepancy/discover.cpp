@@ -32,8 +32,8 @@ namespace {
 
 constexpr std::size_t rows_together = 40000;
 // Its error does not show: the usual simulation is corrected by it.
-constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .shift = 7};
-constexpr std::array fine_domains{1000, 2000, 4000, 8000, 16000};
+constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
+constexpr int most_domains = 16000;
 
 using Clock = std::chrono::steady_clock;
 
@@ -105,19 +105,15 @@ std::set<std::size_t> learn(Session& s, const Model& base, const std::vector<con
   const auto hypothesis = base_hypothesis(base, s.bench);
   auto fine_options = fine_simulation;
   fine_options.every_spread = adds_a_spread(base, candidates);
-  const auto simulations = choose_simulations(
-      [&](const SimulationOptions& simulation_options) {
-        return RecordingMisfit(s.bench, s.noise, s.train, simulation_options, s.threads)
-            .residuals(hypothesis, at_rest(hypothesis));
-      },
-      fine_options, fine_domains, s.out.health);
-  RecordingMisfit misfit(s.bench, s.noise, s.train, simulations.usual, s.threads);
-  RecordingMisfit fine(s.bench, s.noise, s.train, simulations.fine, s.threads);
+  RecordingMisfit misfit(s.bench, s.noise, s.train, {}, s.threads);
+  RecordingMisfit fine(s.bench, s.noise, s.train, fine_options, s.threads);
+  choose_simulations(misfit, fine, hypothesis, most_domains, s.out.health);
   const auto found =
       search(misfit, fine, hypothesis,
              {.candidates = candidates,
               .seed = s.options.seed,
               .small_against = 1e-4,
+              .most_domains = most_domains,
               .roughly_fitted =
                   [&](const Fit& f) {
                     misfit.allow_for_drives(f.hypothesis, f.z);
@@ -154,8 +150,8 @@ std::set<std::size_t> learn(Session& s, const Model& base, const std::vector<con
   out.train.before = rms_by_channel(fine, before_it.residuals);
   out.train.after = rms_by_channel(fine, after_it.residuals);
   if (!s.held_out.empty()) {
-    const RecordingMisfit locked(s.bench, s.noise, s.held_out, simulations.fine, s.threads);
-    const RecordingMisfit locked_usual(s.bench, s.noise, s.held_out, simulations.usual, s.threads);
+    const RecordingMisfit locked(s.bench, s.noise, s.held_out, fine.simulation(), s.threads);
+    const RecordingMisfit locked_usual(s.bench, s.noise, s.held_out, misfit.simulation(), s.threads);
     const auto locked_before = predict(locked, locked_usual, fitted),
                locked_after = added ? predict(locked, locked_usual, after) : locked_before;
     strange = unexplained(locked, locked_before.residuals);

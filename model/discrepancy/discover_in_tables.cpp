@@ -75,13 +75,9 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
 
   auto hypothesis = base_hypothesis(base, {});
   hypothesis.reach = 1;
-  const auto simulations = choose_simulations(
-      [&](const SimulationOptions& s) {
-        return TableMisfit(experiments, train, s, threads).residuals(hypothesis, at_rest(hypothesis));
-      },
-      fine_for_tables, std::array{fine_for_tables.domains}, out.health);
-  const TableMisfit misfit(experiments, train, simulations.usual, threads);
-  const TableMisfit fine(experiments, train, simulations.fine, threads);
+  TableMisfit misfit(experiments, train, {}, threads);
+  TableMisfit fine(experiments, train, fine_for_tables, threads);
+  choose_simulations(misfit, fine, hypothesis, fine_for_tables.domains, out.health);
   auto candidates = candidates_of(base, options.candidates);
   if (options.candidates.empty()) std::erase_if(candidates, of_the_bench);
   const auto found = search(misfit, fine, hypothesis,
@@ -89,6 +85,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
                              .seed = options.seed,
                              .small_against = 2.5e-3,
                              .few = true,
+                             .most_domains = fine_for_tables.domains,
                              .roughly_fitted = {},
                              .beyond_effects = {},
                              .tick = tick},
@@ -96,7 +93,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   tell(found, out);
 
   tick("the proof", 0.95);
-  const TableMisfit whole(experiments, all, simulations.fine, threads);
+  const TableMisfit whole(experiments, all, fine.simulation(), threads);
   const Eigen::VectorXd before = whole.residuals(found.base.hypothesis, found.base.z);
   const Eigen::VectorXd after = whole.residuals(found.after().hypothesis, found.after().z);
   out.train.before = rms_by_channel(cells, train, before);

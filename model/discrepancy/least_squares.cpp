@@ -14,6 +14,7 @@ constexpr double look_ahead = 0.3;  // as far is looked to both sides of a fit, 
 constexpr double hope = 10;         // times what is enough: less is not worth going on for
 constexpr int most_rounds = 4;
 constexpr double hardly = 1e-7;  // damped: directions that only priors hold go all the way
+constexpr double unnoticed = 6;  // of the sum of squares, where 60 is something
 // A sum of squares so many times its number is no minimum that anything is told from.
 constexpr double worth_the_last_steps = 1.3;
 
@@ -141,6 +142,22 @@ Eigen::VectorXd Fit::gradient() const {
 Eigen::VectorXd Fit::corrected(Eigen::VectorXd simulated) const {
   if (correction.size() > 0) simulated += correction;
   return simulated;
+}
+
+double refine(Misfit& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most) {
+  auto simulation = fine.simulation();
+  for (;; simulation.domains *= 2) {
+    fine.simulate_by(simulation);
+    const auto residual = fine.residuals(hypothesis, z);
+    // Either is wrong by half of the squares.
+    auto other = simulation;
+    other.shift = 3;
+    fine.simulate_by(other);
+    const double squares = (fine.residuals(hypothesis, z) - residual).squaredNorm() / 2;
+    fine.simulate_by(simulation);
+    if (squares < unnoticed || 2 * simulation.domains > most)
+      return std::sqrt(squares / static_cast<double>(std::max<Eigen::Index>(1, residual.size())));
+  }
 }
 
 void correct(const Misfit& misfit, const Misfit& fine, Fit& fit) {

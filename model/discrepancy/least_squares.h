@@ -38,6 +38,9 @@ struct FitLimits {
 // From z. `like`: a fit whose correction is used and whose Jacobian is known to hold for the first columns.
 Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, const FitLimits& limits,
         const Fit* like = nullptr);
+// Doubles the domains of the fine simulation, to `most` at most, until no verdict would notice how far two
+// lattices of them differ at z. Gives that error, rms over the noise.
+double refine(Misfit& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most);
 // Makes the correction anew at the fit's z.
 void correct(const Misfit& misfit, const Misfit& fine, Fit& fit);
 // On from where the fit stands until it ends where the fine simulation has its minimum; the Jacobian was made

@@ -33,6 +33,7 @@ class Misfit {
   int threads() const { return threads_; }
   int simulations() const { return simulations_; }  // of the whole set
   const SimulationOptions& simulation() const { return simulation_; }
+  void simulate_by(const SimulationOptions& simulation) { simulation_ = simulation; }
 
   // Measured less simulated. If the model cannot be solved there: rows of 1e6.
   Eigen::VectorXd residuals(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const;

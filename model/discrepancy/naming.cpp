@@ -102,7 +102,7 @@ void keep_of_each(std::vector<Trial>& trials, std::size_t most) {
 
 class Namer {
  public:
-  Namer(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options)
+  Namer(const Misfit& misfit, Misfit& fine, const Fit& base, const NamingOptions& options)
       : misfit_(misfit),
         fine_(fine),
         base_(base),
@@ -151,7 +151,7 @@ class Namer {
   void try_every_effect(const Trial* first);
 
   const Misfit& misfit_;
-  const Misfit& fine_;
+  Misfit& fine_;
   const Fit& base_;
   const NamingOptions& options_;
   double samples_;
@@ -295,6 +295,7 @@ Trial Namer::alone(const Trial& pair, std::size_t which) const {
 // this is no explanation.
 void Namer::polish(Trial& t, const std::function<void()>& in_between) const {
   if (t.polished) return;
+  t.numerical_error = refine(fine_, t.fit.hypothesis, t.fit.z, options_.most_domains);
   correct(misfit_, fine_, t.fit);
   refresh(misfit_, t.fit);
   t.drop = base_.squares - t.fit.squares;
@@ -494,7 +495,7 @@ double score(const Trial& t, double samples) {
   return t.drop - numbers * std::log(samples);
 }
 
-Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options) {
+Naming find_names(const Misfit& misfit, Misfit& fine, const Fit& base, const NamingOptions& options) {
   return Namer(misfit, fine, base, options).find();
 }
 

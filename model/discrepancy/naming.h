@@ -11,9 +11,10 @@ namespace ferrobench::model::discrepancy {
 struct Trial {
   std::vector<const Effect*> effects;
   Fit fit;
-  double drop = 0;        // of the sum of squares against the base model's fit
-  bool begun = false;     // a few steps were made
-  bool polished = false;  // fitted to the end
+  double drop = 0;             // of the sum of squares against the base model's fit
+  bool begun = false;          // a few steps were made
+  bool polished = false;       // fitted to the end
+  double numerical_error = 0;  // of the fine simulation there, rms over the noise
   // What is left: the largest drop that one more effect, or functions of the signals, would bring.
   bool checked = false;
   double left = 0;
@@ -25,6 +26,7 @@ struct NamingOptions {
   double second = 0;         // a smaller drop by a second effect is nothing
   double small_against = 0;  // likewise, as a share of the first one's
   bool few = false;          // numbers: they cannot tell two effects, and many starts fit them by chance
+  int most_domains = 0;      // of the fine simulation
   // What anything that is no effect would still take off the sum of squares; absent: not asked.
   std::function<double(const Fit&)> beyond_effects;
   std::function<void(const std::string& stage, double fraction)> tick;
@@ -48,7 +50,7 @@ double allowed_left(const NamingOptions& options, double drop);
 double score(const Trial& trial, double samples);
 
 // `fine` is the same misfit with a simulation whose error does not show: fits that are judged are corrected
-// by it.
-Naming find_names(const Misfit& misfit, const Misfit& fine, const Fit& base, const NamingOptions& options);
+// by it, and it is refined where they want that.
+Naming find_names(const Misfit& misfit, Misfit& fine, const Fit& base, const NamingOptions& options);
 
 }  // namespace ferrobench::model::discrepancy

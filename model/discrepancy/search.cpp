@@ -146,36 +146,23 @@ std::vector<const Effect*> candidates_of(const Model& model, const std::vector<s
   return out;
 }
 
-Simulations choose_simulations(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
-                               const SimulationOptions& fine, std::span<const int> domains, Health& health) {
-  constexpr double unnoticed = 6;  // of the sum of squares, where 60 is something
-  constexpr double below = 0.8;    // of the noise: what there is of it is corrected for
-  Simulations out{.usual = {}, .fine = fine};
-  Eigen::VectorXd exact;
-  for (const int count : domains) {
-    out.fine.domains = count;
-    exact = at(out.fine);
-    // Two lattices of domains differ by what either is wrong.
-    auto other = out.fine;
-    other.shift = 3;
-    const double squares = (at(other) - exact).squaredNorm() / 2;
-    health.numerical_error_over_noise =
-        std::sqrt(squares / static_cast<double>(std::max<Eigen::Index>(1, exact.size())));
-    if (squares < unnoticed) break;
-  }
-  if (health.numerical_error_over_noise > 0.05)
-    health.warnings.emplace_back(
-        "The noise is so low that the simulations' own error shows in the residuals.");
+void choose_simulations(Misfit& usual, Misfit& fine, const Hypothesis& base, int most_domains,
+                        Health& health) {
+  constexpr double below = 0.8;  // of the noise: what there is of it is corrected for
+  const auto z = at_rest(base);
+  health.numerical_error_over_noise = refine(fine, base, z, most_domains);
+  const auto exact = fine.residuals(base, z);
   // Of the nodes that are to serve every spread, the base has a third.
-  const int more = fine.every_spread ? 4 : 1;
+  const bool every_spread = fine.simulation().every_spread;
   for (const int count : {250, 500, 1000, 2000, 4000}) {
-    out.usual = {.tolerance = 1e-5, .domains = more * count, .every_spread = fine.every_spread};
-    if ((at(out.usual) - exact).norm() < below * std::sqrt(static_cast<double>(exact.size()))) break;
+    usual.simulate_by(
+        {.tolerance = 1e-5, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
+    if ((usual.residuals(base, z) - exact).norm() < below * std::sqrt(static_cast<double>(exact.size())))
+      break;
   }
-  return out;
 }
 
-Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, const SearchOptions& options,
+Search search(const Misfit& misfit, Misfit& fine, const Hypothesis& base, const SearchOptions& options,
               Health& health) {
   Search out;
   out.samples = static_cast<double>(misfit.size());
@@ -185,6 +172,7 @@ Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, 
                  .second = 60,
                  .small_against = options.small_against,
                  .few = options.few,
+                 .most_domains = options.most_domains,
                  .beyond_effects = options.beyond_effects,
                  .tick = [&](const std::string& stage, double f) { options.tick(stage, 0.3 + 0.6 * f); }};
   out.naming = find_names(misfit, fine, out.base, out.options);
@@ -193,6 +181,11 @@ Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, 
   const auto verdict = out.judgement.verdict;
   if (verdict == Verdict::named || verdict == Verdict::ambiguous)
     out.best = out.judgement.trials.front().first;
+  for (const auto& [trial, probability] : out.judgement.trials)
+    health.numerical_error_over_noise = std::max(health.numerical_error_over_noise, trial->numerical_error);
+  if (health.numerical_error_over_noise > 0.05)
+    health.warnings.emplace_back(
+        "The noise is so low that the simulations' own error shows in the residuals.");
   return out;
 }
 

@@ -21,20 +21,16 @@ void check_held_out(const std::vector<std::string>& wanted, const std::vector<st
 // got and that mean something for it.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
 
-// `usual`: the cheapest whose own error is below the noise. `fine`, which corrects it: the first of
-// these numbers of domains with an error that no verdict would notice, else the last one.
-struct Simulations {
-  SimulationOptions usual, fine;
-};
-// `at` gives the residuals that a simulation leads to. The error of `fine` goes to `health`.
-Simulations choose_simulations(const std::function<Eigen::VectorXd(const SimulationOptions&)>& at,
-                               const SimulationOptions& fine, std::span<const int> domains, Health& health);
+// Makes `fine` fine enough for the base model, and `usual` the cheapest whose own error is below the noise.
+void choose_simulations(Misfit& usual, Misfit& fine, const Hypothesis& base, int most_domains,
+                        Health& health);
 
 struct SearchOptions {
   std::vector<const Effect*> candidates;
   std::uint64_t seed = 1;
   double small_against = 0;  // a share of what is explained: so well are model and measurement known
   bool few = false;          // numbers: they cannot tell two effects, and many starts fit them by chance
+  int most_domains = 0;      // of the fine simulation
   // Called once the base model stands roughly; changes the residuals.
   std::function<void(const Fit&)> roughly_fitted;
   // What functions of the signals would still take off the sum of squares; absent: not asked.
@@ -53,8 +49,9 @@ struct Search {
   const Fit& after() const { return best != nullptr ? best->fit : base; }
 };
 
-// `misfit` by the simulation that was chosen, `fine` the same by the fine one.
-Search search(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, const SearchOptions& options,
+// `misfit` by the simulation that was chosen, `fine` the same by the fine one, which is refined where an
+// explanation wants that.
+Search search(const Misfit& misfit, Misfit& fine, const Hypothesis& base, const SearchOptions& options,
               Health& health);
 
 // What the search says of effects, parameters and models.
