@@ -7,6 +7,7 @@
 
 #include "model/discrepancy/bench.h"
 #include "model/discrepancy/discover.h"
+#include "model/discrepancy/least_squares.h"
 #include "model/discrepancy/misfit.h"
 #include "model/discrepancy/noise.h"
 #include "model/discrepancy/report.h"
@@ -232,6 +233,38 @@ TEST(Discrepancy, WhatNoEffectExplainsIsUnknown) {
   }
   const auto found = discover(given(), recordings);
   EXPECT_EQ(found.verdict, Verdict::unknown) << text_report(found);
+}
+
+// What a base model needs is too coarse for an explanation that spreads its domains widely.
+TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
+  auto spread = real_bench();
+  spread.polycrystal.barrier_log_std = 0.7;
+  std::vector<std::string> warnings;
+  const auto bench = discrepancy::prepare(
+      given(),
+      {{plans()[0].name, record(spread, plans()[0], 1)}, {plans()[4].name, record(spread, plans()[4], 2)}},
+      2000, warnings);
+  const auto noises = discrepancy::estimate_noise(bench, warnings);
+  const auto error_of = [&](const Model& model, int& domains) {
+    const auto hypothesis = discrepancy::base_hypothesis(model, bench);
+    const auto at = discrepancy::at_rest(hypothesis);
+    const SimulationOptions begin{.tolerance = 1e-5, .domains = 1000, .shift = 7};
+    discrepancy::RecordingMisfit fine(bench, noises, {0, 1}, begin, 2);
+    const double stated = discrepancy::refine(fine, hypothesis, at, 16000);
+    domains = fine.simulation().domains;
+    auto exact = begin;
+    exact.domains = 60000;
+    exact.shift = 5;
+    const discrepancy::RecordingMisfit reference(bench, noises, {0, 1}, exact, 2);
+    const Eigen::VectorXd off = fine.residuals(hypothesis, at) - reference.residuals(hypothesis, at);
+    EXPECT_LT(off.squaredNorm(), 20) << domains;
+    EXPECT_LT(std::sqrt(off.squaredNorm() / static_cast<double>(off.size())), 3 * stated + 1e-3);
+    return stated;
+  };
+  int narrow = 0, wide = 0;
+  error_of(real_bench(), narrow);
+  error_of(spread, wide);
+  EXPECT_GE(wide, 2 * narrow);
 }
 
 TEST(Discrepancy, AMeasuredDriveIsUncertain) {
