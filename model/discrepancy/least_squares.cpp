@@ -12,9 +12,9 @@ namespace {
 constexpr double response = 100, least_difference = 0.002;
 constexpr double look_ahead = 0.3;  // as far is looked to both sides of a fit, along its next step
 constexpr double hope = 10;         // times what is enough: less is not worth going on for
-constexpr int most_rounds = 4;
-constexpr double hardly = 1e-7;  // damped: directions that only priors hold go all the way
-constexpr double unnoticed = 6;  // of the sum of squares, where 60 is something
+constexpr int most_rounds = 4, coarser = 8;
+constexpr double hardly = 1e-7;   // damped: directions that only priors hold go all the way
+constexpr double unnoticed = 12;  // of the sum of squares, where 60 is something
 // A sum of squares so many times its number is no minimum that anything is told from.
 constexpr double worth_the_last_steps = 1.3;
 
@@ -139,16 +139,21 @@ Eigen::VectorXd Fit::gradient() const {
   return b;
 }
 
+double Fit::prospect() const {
+  const Eigen::VectorXd pull = gradient();
+  return pull.dot(normal().ldlt().solve(pull));
+}
+
 Eigen::VectorXd Fit::corrected(Eigen::VectorXd simulated) const {
   if (correction.size() > 0) simulated += correction;
   return simulated;
 }
 
-double refine(Misfit& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most) {
+Refined refine(Misfit& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most) {
   auto simulation = fine.simulation();
   for (;; simulation.domains *= 2) {
     fine.simulate_by(simulation);
-    const auto residual = fine.residuals(hypothesis, z);
+    auto residual = fine.residuals(hypothesis, z);
     // Either is wrong by half of the squares.
     auto other = simulation;
     other.shift = 3;
@@ -156,15 +161,19 @@ double refine(Misfit& fine, const Hypothesis& hypothesis, const Eigen::VectorXd&
     const double squares = (fine.residuals(hypothesis, z) - residual).squaredNorm() / 2;
     fine.simulate_by(simulation);
     if (squares < unnoticed || 2 * simulation.domains > most)
-      return std::sqrt(squares / static_cast<double>(std::max<Eigen::Index>(1, residual.size())));
+      return {std::move(residual),
+              std::sqrt(squares / static_cast<double>(std::max<Eigen::Index>(1, fine.size())))};
   }
 }
 
-void correct(const Misfit& misfit, const Misfit& fine, Fit& fit) {
-  auto exact = fine.residuals(fit.hypothesis, fit.z);
+void correct(const Misfit& misfit, Eigen::VectorXd exact, Fit& fit) {
   fit.correction = exact - misfit.residuals(fit.hypothesis, fit.z);
   fit.residual = std::move(exact);
   fit.squares = fit.residual.squaredNorm() + priors(fit.hypothesis, fit.z);
+}
+
+void correct(const Misfit& misfit, const Misfit& fine, Fit& fit) {
+  correct(misfit, fine.residuals(fit.hypothesis, fit.z), fit);
 }
 
 void refresh(const Misfit& misfit, Fit& fit, bool roughly) {
@@ -226,24 +235,28 @@ Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorX
   return out;
 }
 
-void settle(const Misfit& misfit, const Misfit& fine, Fit& f, const std::function<void()>& tick) {
-  correct(misfit, fine, f);
+void settle(const Misfit& misfit, Misfit& fine, Fit& f, const std::function<void()>& tick) {
   f = fit(misfit, f.hypothesis, f.z,
           {.iterations = 12, .refreshes = 2, .enough = 1, .damping = hardly, .tick = tick}, &f);
+  correct(misfit, fine, f);
   refresh(misfit, f);
-  if (f.squares < worth_the_last_steps * static_cast<double>(misfit.size())) {
-    // The last steps by the fine simulation itself, with the usual one's slopes and what they learn on the
-    // way.
-    for (int round = 0; round < most_rounds; ++round) {
-      const double before = f.squares;
-      f.correction.resize(0);
-      f = fit(fine, f.hypothesis, f.z,
-              {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = hardly, .tick = tick}, &f);
-      const bool done = before - f.squares < 5;
-      correct(misfit, fine, f);
-      if (done) break;
-      refresh(misfit, f);
-    }
+  if (f.squares > worth_the_last_steps * static_cast<double>(misfit.size())) return;
+  // The last steps by a simulation in between, with the usual one's slopes and what they learn on the way.
+  const auto finest = fine.simulation();
+  auto between = finest;
+  between.domains = std::max(misfit.simulation().domains, finest.domains / coarser);
+  for (int round = 0; round < most_rounds; ++round) {
+    auto next = f;
+    fine.simulate_by(between);
+    correct(fine, f.residual, next);
+    next = fit(fine, next.hypothesis, next.z,
+               {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = hardly, .tick = tick}, &next);
+    fine.simulate_by(finest);
+    correct(misfit, fine, next);
+    const double gain = f.squares - next.squares;
+    if (gain > 0) f = std::move(next);
+    if (gain < 5) break;
+    refresh(misfit, f);
   }
 }
 

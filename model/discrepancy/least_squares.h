@@ -22,6 +22,7 @@ struct Fit {
 
   Eigen::MatrixXd normal() const;  // J^T J and the priors' precision
   Eigen::VectorXd gradient() const;
+  double prospect() const;  // what is to be gained of the squares, were the residual linear
   Eigen::VectorXd corrected(Eigen::VectorXd simulated) const;
 };
 
@@ -39,13 +40,18 @@ struct FitLimits {
 Fit fit(const Misfit& misfit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, const FitLimits& limits,
         const Fit* like = nullptr);
 // Doubles the domains of the fine simulation, to `most` at most, until no verdict would notice how far two
-// lattices of them differ at z. Gives that error, rms over the noise.
-double refine(Misfit& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most);
-// Makes the correction anew at the fit's z.
+// lattices of them differ at z.
+struct Refined {
+  Eigen::VectorXd residual;  // by it, at z
+  double error = 0;          // rms over the noise
+};
+Refined refine(Misfit& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most);
+// Makes the correction anew at the fit's z, where the fine simulation gives `exact`.
+void correct(const Misfit& misfit, Eigen::VectorXd exact, Fit& fit);
 void correct(const Misfit& misfit, const Misfit& fine, Fit& fit);
-// On from where the fit stands until it ends where the fine simulation has its minimum; the Jacobian was made
-// close by then, the residual is that of the fine simulation.
-void settle(const Misfit& misfit, const Misfit& fine, Fit& fit, const std::function<void()>& tick);
+// On from where a corrected fit stands until it ends where the fine simulation has its minimum; the Jacobian
+// was made close by then, the residual is that of the fine simulation.
+void settle(const Misfit& misfit, Misfit& fine, Fit& fit, const std::function<void()>& tick);
 // Makes the Jacobian anew at the fit's z; `roughly` as in FitLimits.
 void refresh(const Misfit& misfit, Fit& fit, bool roughly = false);
 

@@ -20,6 +20,8 @@ constexpr double most_squares = 1.2;  // likewise: the noise's level is estimate
 constexpr double far_worse = 2;       // a sum of squares than another
 // Times what may be left: what is further from enough is not fitted to the end, nor searched on.
 constexpr double within_reach = 30, hopeless = 1000;
+// Likewise: so much is not made good by the end of a fit whose prospect is so many times less.
+constexpr double too_much = 3, slow = 10;
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
                                    const std::vector<const Effect*>& some) {
@@ -295,15 +297,18 @@ Trial Namer::alone(const Trial& pair, std::size_t which) const {
 // this is no explanation.
 void Namer::polish(Trial& t, const std::function<void()>& in_between) const {
   if (t.polished) return;
-  t.numerical_error = refine(fine_, t.fit.hypothesis, t.fit.z, options_.most_domains);
-  correct(misfit_, fine_, t.fit);
+  auto refined = refine(fine_, t.fit.hypothesis, t.fit.z, options_.most_domains);
+  t.numerical_error = refined.error;
+  correct(misfit_, std::move(refined.residual), t.fit);
   refresh(misfit_, t.fit);
   t.drop = base_.squares - t.fit.squares;
-  if (!options_.beyond_effects || options_.beyond_effects(t.fit) < within_reach * allowed(t)) {
-    settle(misfit_, fine_, t.fit, in_between);
-    t.drop = base_.squares - t.fit.squares;
-  }
   t.polished = true;
+  if (options_.beyond_effects) {
+    const double left = options_.beyond_effects(t.fit) / allowed(t);
+    if (left > within_reach || (left > too_much && allowed(t) * left > slow * t.fit.prospect())) return;
+  }
+  settle(misfit_, fine_, t.fit, in_between);
+  t.drop = base_.squares - t.fit.squares;
 }
 
 // Fills in what is left after a trial; gives the effects that would take most of it.

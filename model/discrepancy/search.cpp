@@ -13,7 +13,7 @@ namespace {
 constexpr int other_starts = 4;
 
 // From the given model and from other starts: one of them may lead to a better minimum.
-Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, const SearchOptions& options,
+Fit fit_base(const Misfit& misfit, Misfit& fine, const Hypothesis& base, const SearchOptions& options,
              Health& health) {
   std::mt19937_64 random(options.seed);
   std::normal_distribution<double> normal;
@@ -43,6 +43,7 @@ Fit fit_base(const Misfit& misfit, const Misfit& fine, const Hypothesis& base, c
     limits.roughly = false;
     best = fit(misfit, base, best.z, limits);
   }
+  correct(misfit, fine, best);
   settle(misfit, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
   if (!std::isfinite(best.squares))
     throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",
@@ -150,8 +151,8 @@ void choose_simulations(Misfit& usual, Misfit& fine, const Hypothesis& base, int
                         Health& health) {
   constexpr double below = 0.8;  // of the noise: what there is of it is corrected for
   const auto z = at_rest(base);
-  health.numerical_error_over_noise = refine(fine, base, z, most_domains);
-  const auto exact = fine.residuals(base, z);
+  const auto [exact, error] = refine(fine, base, z, most_domains);
+  health.numerical_error_over_noise = error;
   // Of the nodes that are to serve every spread, the base has a third.
   const bool every_spread = fine.simulation().every_spread;
   for (const int count : {250, 500, 1000, 2000, 4000}) {

@@ -250,7 +250,7 @@ TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
     const auto at = discrepancy::at_rest(hypothesis);
     const SimulationOptions begin{.tolerance = 1e-5, .domains = 1000, .shift = 7};
     discrepancy::RecordingMisfit fine(bench, noises, {0, 1}, begin, 2);
-    const double stated = discrepancy::refine(fine, hypothesis, at, 16000);
+    const double stated = discrepancy::refine(fine, hypothesis, at, 16000).error;
     domains = fine.simulation().domains;
     auto exact = begin;
     exact.domains = 60000;
