@@ -1,10 +1,11 @@
 // ferrobench_campaign: simulated benches, the workflow run on each, and what came out.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <charconv>
 #include <chrono>
 #include <csignal>
-#include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <fstream>
@@ -91,9 +92,7 @@ Arguments parse(std::span<char*> words) {
 }
 
 std::string folder_of(const std::string& parent, int index) {
-  char name[32];
-  std::snprintf(name, sizeof name, "/bench-%03d", index);
-  return parent + name;
+  return fmt::format("{}/bench-{:03}", parent, index);
 }
 
 void write_all(const Arguments& a) {
@@ -144,10 +143,11 @@ std::map<int, Outcome> answered(const Arguments& a) {
 
 // Until done, or until Ctrl-C: then with what there is so far.
 std::vector<Outcome> run_all(const Arguments& a) {
-  std::signal(SIGINT, [](int) { interrupted = 1; });
+  (void)std::signal(SIGINT, [](int) { interrupted = 1; });
   auto outcomes = answered(a);
   const auto all = [&] {
     std::vector<Outcome> out;
+    out.reserve(outcomes.size());
     for (const auto& [index, outcome] : outcomes) out.push_back(outcome);
     return out;
   };
