@@ -225,9 +225,8 @@ void RecordingMisfit::allow(Eigen::Ref<Eigen::VectorXd> column) const {
   for (const auto& a : allowances_) allow(a, column);
 }
 
-Eigen::MatrixXd RecordingMisfit::drive_slopes(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                                              std::size_t position) const {
-  const auto setting = setting_at(hypothesis, z);
+Eigen::MatrixXd RecordingMisfit::drive_slopes(const Setting& setting, std::size_t position,
+                                              const Eigen::VectorXd& normals) const {
   const auto& r = bench_[chosen_[position]];
   const auto [first, last] = blocks_of_[position];
   const Eigen::Index begin = blocks_[first].begin;
@@ -241,18 +240,19 @@ Eigen::MatrixXd RecordingMisfit::drive_slopes(const Hypothesis& hypothesis, cons
     }
     return out;
   };
-  const Eigen::VectorXd rest = part_of(r);
+  const Eigen::VectorXd rest = part_of(r.with_knots_moved(r.knot_error * normals));
   Eigen::MatrixXd out(rest.size(), r.knot_error.cols());
   for (Eigen::Index k = 0; k < out.cols(); ++k)
-    out.col(k) = part_of(r.with_knots_moved(r.knot_error.col(k))) - rest;
+    out.col(k) = part_of(r.with_knots_moved(r.knot_error * normals + r.knot_error.col(k))) - rest;
   return out;
 }
 
-Eigen::VectorXd RecordingMisfit::settled_drive(const Eigen::MatrixXd& slopes, std::size_t position,
-                                               const Eigen::VectorXd& normals,
+Eigen::VectorXd RecordingMisfit::settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                               std::size_t position, const Eigen::VectorXd& normals,
                                                const std::vector<std::vector<double>>& simulated) const {
   const auto& r = bench_[chosen_[position]];
   const auto [first, last] = blocks_of_[position];
+  const auto slopes = drive_slopes(setting_at(hypothesis, z), position, normals);
   Eigen::VectorXd miss = slopes * normals;
   for (std::size_t b = first; b < last; ++b) {
     const auto& block = blocks_[b];
@@ -267,6 +267,7 @@ Eigen::VectorXd RecordingMisfit::settled_drive(const Eigen::MatrixXd& slopes, st
 void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen::VectorXd& at) {
   allowances_.clear();
   if (std::ranges::none_of(chosen_, [&](std::size_t r) { return !bench_[r].level_of.empty(); })) return;
+  const auto setting = setting_at(hypothesis, at);
   std::vector<Allowance> found(chosen_.size());
   in_parallel(chosen_.size(), threads(), [&](std::size_t position) {
     const auto& r = bench_[chosen_[position]];
@@ -275,7 +276,7 @@ void RecordingMisfit::allow_for_drives(const Hypothesis& hypothesis, const Eigen
     if (r.level_of.empty() || first == last) return;
     a.begin = blocks_[first].begin;
     a.count = blocks_[last - 1].begin + blocks_[last - 1].count - a.begin;
-    const auto columns = drive_slopes(hypothesis, at, position);
+    const auto columns = drive_slopes(setting, position, Eigen::VectorXd::Zero(r.knot_error.cols()));
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(columns.transpose() * columns);
     std::vector<Eigen::Index> used;
     for (Eigen::Index k = 0; k < columns.cols(); ++k)

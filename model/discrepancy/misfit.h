@@ -108,14 +108,11 @@ class RecordingMisfit final : public Misfit {
   std::vector<std::vector<double>> simulated(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
                                              std::size_t recording,
                                              const BenchRecording* drive = nullptr) const;
-  // Changes of a recording's part of the simulated signals, whitened, by the columns of knot_error, where the
-  // drive is as read.
-  Eigen::MatrixXd drive_slopes(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                               std::size_t position) const;  // in chosen()
   // Where the channels want a drive that was read from a measured field, as far as the field's noise allows:
   // the mean of the posterior over the unit normals of its knots, linear around `normals`, where the channels
   // are as `simulated`.
-  Eigen::VectorXd settled_drive(const Eigen::MatrixXd& slopes, std::size_t position,
+  Eigen::VectorXd settled_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                std::size_t position,  // in chosen()
                                 const Eigen::VectorXd& normals,
                                 const std::vector<std::vector<double>>& simulated) const;
   // Measured less simulated over the noise's standard deviation, not whitened; NaN where not measured.
@@ -136,6 +133,9 @@ class RecordingMisfit final : public Misfit {
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
   std::vector<std::vector<double>> channels(const Setting& setting,
                                             std::size_t recording) const;  // without gains
+  // Changes of a recording's part of the simulated signals, whitened, by the columns of knot_error.
+  Eigen::MatrixXd drive_slopes(const Setting& setting, std::size_t position,
+                               const Eigen::VectorXd& normals) const;
 
   const std::vector<BenchRecording>& bench_;
   const std::vector<std::vector<NoiseModel>>& noise_;

@@ -30,11 +30,9 @@ Prediction predict(const RecordingMisfit& fine, const RecordingMisfit& usual, co
   in_parallel(chosen.size(), fine.threads(), [&](std::size_t i) {
     out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i]);
     const auto& r = fine.bench()[chosen[i]];
-    Eigen::MatrixXd slopes;
-    if (!r.level_of.empty()) slopes = usual.drive_slopes(fit.hypothesis, fit.z, i);
-    Eigen::VectorXd normals = Eigen::VectorXd::Zero(slopes.cols());
-    for (int round = 0; round < rounds && slopes.cols() > 0; ++round) {
-      normals = usual.settled_drive(slopes, i, normals, out.simulated[i]);
+    Eigen::VectorXd normals = Eigen::VectorXd::Zero(r.knot_error.cols());
+    for (int round = 0; round < rounds && !r.level_of.empty(); ++round) {
+      normals = usual.settled_drive(fit.hypothesis, fit.z, i, normals, out.simulated[i]);
       const auto drive = r.with_knots_moved(r.knot_error * normals);
       out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i], &drive);
     }

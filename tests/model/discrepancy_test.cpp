@@ -294,8 +294,8 @@ TEST(Discrepancy, AMeasuredDriveIsSettledByTheChannels) {
   const auto at = discrepancy::at_rest(truth);
   const auto before = misfit.simulated(truth, at, 0);
   const Eigen::VectorXd as_read = Eigen::VectorXd::Zero(bench[0].knot_error.cols());
-  const auto settled = bench[0].with_knots_moved(
-      bench[0].knot_error * misfit.settled_drive(misfit.drive_slopes(truth, at, 0), 0, as_read, before));
+  const auto settled =
+      bench[0].with_knots_moved(bench[0].knot_error * misfit.settled_drive(truth, at, 0, as_read, before));
   const auto after = misfit.simulated(truth, at, 0, &settled);
   const auto squares = [&](const std::vector<std::vector<double>>& simulated) {
     double sum = 0, count = 0;
