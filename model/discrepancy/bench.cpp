@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <span>
 
 #include "model/on_recording.h"
 #include "model/simulator.h"
@@ -21,6 +22,7 @@ constexpr std::size_t most_levels = 80;   // whose uncertainty is followed up
 // A ramp that hardly bends moves what switches in it all the same: a bend of which one cannot be sure is
 // followed up as well. By chance one ramp in eight has one.
 constexpr double least_bend = 8;
+constexpr std::size_t longest_memory = 1000;  // of the field's noise, samples
 constexpr const char* in_si = "every channel is in SI units: V/m, C, m, N";
 constexpr double most_measured = 1e15;  // in SI units: whose squares can still be summed, by far
 
@@ -112,6 +114,24 @@ void fit_levels(BenchRecording& out, const Recording& r) {
   for (const auto level : out.level_of) out.knot_field.push_back(along[static_cast<Eigen::Index>(level)]);
 }
 
+// The variance of a mean of many samples, times their number: that of one sample, and its covariances with
+// its neighbours on both sides, as far as pairs of lags have a positive sum (Geyer, Statist. Sci. 7 (1992)
+// 473).
+double long_run_variance(std::span<const double> noise) {
+  const auto covariance = [&](std::size_t lag) {
+    double sum = 0;
+    for (std::size_t i = lag; i < noise.size(); ++i) sum += noise[i] * noise[i - lag];
+    return sum / static_cast<double>(noise.size());
+  };
+  double out = -covariance(0);
+  for (std::size_t lag = 0; lag + 1 < noise.size() && lag < longest_memory; lag += 2) {
+    const double pair = covariance(lag) + covariance(lag + 1);
+    if (pair <= 0) break;
+    out += 2 * pair;
+  }
+  return std::max(0.0, out);
+}
+
 // The knots by least squares over all samples of the measured field, from corners that are right to a sample;
 // and what the field's noise leaves uncertain of them.
 void fit_knots(BenchRecording& out, const Recording& r) {
@@ -164,8 +184,13 @@ void fit_knots(BenchRecording& out, const Recording& r) {
                                     corners_found[k] - room, corners_found[k] + room);
     }
   }
-  // normal = L L^T, so noise * L^-T has the covariance of the knots.
-  out.knot_error = noise * Eigen::MatrixXd(normal.llt().matrixU().solve(Eigen::MatrixXd::Identity(n, n)));
+  std::vector<double> misses;
+  for_each_sample(out, r, [&](std::size_t knot, double u, double field) {
+    misses.push_back(field - (1 - u) * out.knot_field[knot - 1] - u * out.knot_field[knot]);
+  });
+  // normal = L L^T, so noise * L^-T has the covariance of the knots, were the noise white.
+  out.knot_error = std::max(noise, std::sqrt(long_run_variance(misses))) *
+                   Eigen::MatrixXd(normal.llt().matrixU().solve(Eigen::MatrixXd::Identity(n, n)));
 }
 
 // The drive as knots: the command at its corners, or the lines that its measured field runs along.

@@ -22,6 +22,8 @@ constexpr double far_worse = 2;       // a sum of squares than another
 constexpr double within_reach = 30, hopeless = 1000;
 // Likewise: so much is not made good by the end of a fit whose prospect is so many times less.
 constexpr double too_much = 3, slow = 10;
+// Of what can be detected: so much better a base is another one.
+constexpr double worth = 0.2;
 
 std::vector<const Effect*> without(const std::vector<const Effect*>& all,
                                    const std::vector<const Effect*>& some) {
@@ -139,7 +141,9 @@ class Namer {
   void refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
              const Screened& s, const FitLimits& limits);
   void go_on(std::vector<Trial>& trials, const FitLimits& limits) const;
+  Fit reduced(const Trial& t, std::optional<std::size_t> kept, const FitLimits& limits) const;
   Trial alone(const Trial& pair, std::size_t which) const;
+  bool base_does_better();
   void polish(Trial& t, const std::function<void()>& in_between) const;
   std::vector<Screened> check(Trial& t, bool seconds_wanted, double from, double to) const;
   void try_singles();
@@ -273,24 +277,44 @@ std::vector<double> values_in(const Trial& t, std::size_t which) {
   return out;
 }
 
-// One of a pair without the other, from where the pair stands.
+// The base model from where a trial stands, with one of its effects or none.
+Fit Namer::reduced(const Trial& t, std::optional<std::size_t> kept, const FitLimits& limits) const {
+  const auto base_count = static_cast<Eigen::Index>(t.fit.hypothesis.base_count);
+  const auto hypothesis =
+      kept ? with_effect(base_.hypothesis, *t.effects[*kept], values_in(t, *kept)) : base_.hypothesis;
+  auto z = at_rest(hypothesis);
+  z.head(base_count) = t.fit.z.head(base_count);
+  const Fit like{.hypothesis = base_.hypothesis,
+                 .z = {},
+                 .residual = {},
+                 .correction = t.fit.correction,
+                 .jacobian = t.fit.jacobian.leftCols(base_count)};
+  return fit(misfit_, hypothesis, z, limits, &like);
+}
+
+// One of a pair without the other.
 Trial Namer::alone(const Trial& pair, std::size_t which) const {
   Trial out;
   out.effects = {pair.effects[which]};
-  const auto& h = pair.fit.hypothesis;
-  const auto hypothesis = with_effect(base_.hypothesis, *out.effects[0], values_in(pair, which));
-  auto z = at_rest(hypothesis);
-  z.head(static_cast<Eigen::Index>(h.base_count)) = pair.fit.z.head(static_cast<Eigen::Index>(h.base_count));
-  Fit like{.hypothesis = base_.hypothesis,
-           .z = {},
-           .residual = {},
-           .correction = pair.fit.correction,
-           .jacobian = {}};
-  like.jacobian = pair.fit.jacobian.leftCols(static_cast<Eigen::Index>(h.base_count));
-  out.fit =
-      fit(misfit_, hypothesis, z, limits(1, "one effect: " + std::string(out.effects[0]->id), 0.88), &like);
+  out.fit = reduced(pair, which, limits(1, "one effect: " + std::string(out.effects[0]->id), 0.88));
   out.drop = base_.squares - out.fit.squares;
   return out;
+}
+
+// What an effect seems to explain, the base model may explain as well from where the effect led it.
+bool Namer::base_does_better() {
+  if (!options_.doubt_base || out_.trials.empty()) return false;
+  const auto& best = out_.trials.front();
+  if (best.fit.jacobian.size() == 0) return false;
+  const auto stage = limits(0, "no effect", 0.5);
+  auto none = reduced(best, std::nullopt, stage);
+  const auto better = [&] { return none.squares < base_.squares - worth * options_.detect; };
+  if (!better()) return false;
+  correct(misfit_, fine_, none);
+  settle(misfit_, fine_, none, stage.tick);
+  if (!better()) return false;
+  out_.better_base = std::move(none);
+  return true;
 }
 
 // To the end, with the simulations' own error taken out where the fit stands; unless it is plain already that
@@ -324,7 +348,7 @@ std::vector<Screened> Namer::check(Trial& t, bool seconds_wanted, double from, d
                       .rounds = 3,
                       .before = out_.screened,
                       .tick = [&](double f) { tick("is it enough", from + (to - from) * f); }});
-  if (!more.empty()) t.left = std::max(t.left, more.front().drop);
+  for (const auto& s : more) t.left = std::max(t.left, s.drop - price({s.effect}, samples_));
   return more;
 }
 
@@ -455,9 +479,13 @@ Naming Namer::find() {
       try_every_effect(nullptr);
       detect();
     }
-    if (!out_.detected) return std::move(out_);
+    if (!out_.detected) {
+      if (leaves_something(out_, options_)) base_does_better();
+      return std::move(out_);
+    }
   }
   compare_the_best();
+  if (base_does_better()) return std::move(out_);
 
   // Is one effect enough? The best, and those as good as it.
   std::vector<std::vector<Screened>> seconds;
@@ -494,10 +522,14 @@ double allowed_left(const NamingOptions& options, double drop) {
   return std::max(options.second, options.small_against * drop);
 }
 
-double score(const Trial& t, double samples) {
+double price(const std::vector<const Effect*>& effects, double samples) {
   double numbers = 0;
-  for (const auto* e : t.effects) numbers += static_cast<double>(e->parameters.size());
-  return t.drop - numbers * std::log(samples);
+  for (const auto* e : effects) numbers += static_cast<double>(e->parameters.size());
+  return numbers * std::log(samples);
+}
+
+double score(const Trial& t, double samples) {
+  return t.drop - price(t.effects, samples);
 }
 
 Naming find_names(const Misfit& misfit, Misfit& fine, const Fit& base, const NamingOptions& options) {

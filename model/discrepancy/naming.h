@@ -3,6 +3,8 @@
 // is left afterwards.
 #pragma once
 
+#include <optional>
+
 #include "model/discrepancy/screen.h"
 
 namespace ferrobench::model::discrepancy {
@@ -27,6 +29,7 @@ struct NamingOptions {
   double small_against = 0;  // likewise, as a share of the first one's
   bool few = false;          // numbers: they cannot tell two effects, and many starts fit them by chance
   int most_domains = 0;      // of the fine simulation
+  bool doubt_base = false;   // the base fit may have ended elsewhere than at its minimum
   // What anything that is no effect would still take off the sum of squares; absent: not asked.
   std::function<double(const Fit&)> beyond_effects;
   std::function<void(const std::string& stage, double fraction)> tick;
@@ -38,6 +41,8 @@ struct Naming {
   bool detected = false;
   double excess = 0;  // of the base fit's sum of squares over their number
   double left = 0;    // if nothing was detected: what functions of the signals would still take off it
+  // A better fit of the base model that came up: nothing else is told then, all is to be asked again from it.
+  std::optional<Fit> better_base;
 };
 
 // The noise's level is estimated to a few percent, so its square may be off by twice that.
@@ -47,6 +52,8 @@ bool leaves_something(const Naming& naming, const NamingOptions& options);
 // What may be left after an explanation that brought this drop: nothing detectable, or what is small against
 // it (two programs that agree to a few parts in ten thousand).
 double allowed_left(const NamingOptions& options, double drop);
+// What an explanation's numbers take off the sum of squares by chance, and more: they must earn it.
+double price(const std::vector<const Effect*>& effects, double samples);
 double score(const Trial& trial, double samples);
 
 // `fine` is the same misfit with a simulation whose error does not show: fits that are judged are corrected

@@ -11,6 +11,7 @@ namespace ferrobench::model::discrepancy {
 namespace {
 
 constexpr int other_starts = 4;
+constexpr int most_again = 2;  // from a better base fit
 
 // From the given model and from other starts: one of them may lead to a better minimum.
 Fit fit_base(const Misfit& misfit, Misfit& fine, const Hypothesis& base, const SearchOptions& options,
@@ -71,8 +72,8 @@ Model model_at(const Fit& fit, const std::string& note) {
   return out;
 }
 
-void detectable(Discovery& out, const std::vector<Screened>& screened, double threshold) {
-  for (const auto& c : screened) {
+void detectable(Discovery& out, const Search& s) {
+  for (const auto& c : s.naming.screened) {
     const bool named = std::ranges::any_of(out.explanations, [&](const Explanation& e) {
       return std::ranges::any_of(e.effects,
                                  [&](const auto& estimate) { return estimate.id == c.effect->id; });
@@ -85,7 +86,7 @@ void detectable(Discovery& out, const std::vector<Screened>& screened, double th
     const auto& p = c.effect->parameters.front();
     const Amplitude amplitude(p);
     out.smallest_detectable[std::string(c.effect->id)][std::string(p.name)] =
-        amplitude.value(c.strength * std::sqrt(threshold / c.across));
+        amplitude.value(c.strength * std::sqrt((s.options.detect + price({c.effect}, s.samples)) / c.across));
   }
 }
 
@@ -174,9 +175,20 @@ Search search(const Misfit& misfit, Misfit& fine, const Hypothesis& base, const 
                  .small_against = options.small_against,
                  .few = options.few,
                  .most_domains = options.most_domains,
+                 .doubt_base = true,
                  .beyond_effects = options.beyond_effects,
-                 .tick = [&](const std::string& stage, double f) { options.tick(stage, 0.3 + 0.6 * f); }};
-  out.naming = find_names(misfit, fine, out.base, out.options);
+                 .tick = {}};
+  double begun = 0.3;
+  for (int again = 0; again <= most_again; ++again) {
+    out.options.doubt_base = again < most_again;
+    out.options.tick = [&](const std::string& stage, double f) {
+      options.tick(stage, begun + (0.9 - begun) * f);
+    };
+    out.naming = find_names(misfit, fine, out.base, out.options);
+    if (!out.naming.better_base) break;
+    out.base = *std::move(out.naming.better_base);
+    begun += 0.5 * (0.9 - begun);
+  }
   out.options.tick = {};
   out.judgement = judge(out.naming, out.options, out.samples);
   const auto verdict = out.judgement.verdict;
@@ -202,7 +214,7 @@ void tell(const Search& s, Discovery& out) {
   out.recalibrated_base = model_at(s.base, "Recalibrated.");
   out.improved = s.best != nullptr ? model_at(s.best->fit, "Recalibrated, with what was found missing.")
                                    : out.recalibrated_base;
-  detectable(out, s.naming.screened, s.options.detect);
+  detectable(out, s);
   equivalences(out, s.naming, s.samples, 20);
   for (const auto& t : s.naming.trials) {
     if (!t.checked || (s.best != nullptr && &t != s.best)) continue;

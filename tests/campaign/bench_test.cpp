@@ -102,6 +102,32 @@ TEST(Score, CountsAnswers) {
   EXPECT_TRUE(answered({"x"}, "named", {"a"}, 0.7, Kind::outside).wrong_name());
 }
 
+// An answer that says how strong a thing must be to show is right about what is weaker.
+TEST(Score, WhatIsTooWeakToShowIsToldApartFromWhatIsMissed) {
+  Bench b;
+  b.kind = Kind::single;
+  model::Discovery d;
+  d.verdict = model::Verdict::nothing_missing;
+  const auto counted = [&](const std::string& id, const std::string& name, double hidden, double smallest) {
+    b.effects = {{id, {{name, hidden}}}};
+    d.smallest_detectable = {{id, {{name, smallest}}}};
+    const auto o = score(b, d);
+    EXPECT_FALSE(o.right());
+    return o.class_right;
+  };
+  EXPECT_TRUE(counted("electrostriction", "coefficient", -2e-17, 3e-17));
+  EXPECT_FALSE(counted("electrostriction", "coefficient", -4e-17, 3e-17));
+  // The softer, the stronger.
+  EXPECT_TRUE(counted("passive_layer_compliance", "stiffness", 7e7, 6e7));
+  EXPECT_FALSE(counted("passive_layer_compliance", "stiffness", 5e7, 6e7));
+  d.smallest_detectable.clear();
+  EXPECT_FALSE(score(b, d).class_right);
+  d.not_testable = {"passive_layer_compliance"};
+  EXPECT_TRUE(score(b, d).class_right);
+  d.verdict = model::Verdict::unknown;
+  EXPECT_FALSE(score(b, d).class_right);
+}
+
 TEST(Score, OutcomesAreKeptInFiles) {
   auto o = answered({"a", "b"}, "ambiguous", {"a"}, 0.6, Kind::pair);
   o.index = 17;

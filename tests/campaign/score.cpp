@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "model/discrepancy/coordinates.h"
+
 namespace ferrobench::campaign {
 namespace {
 
@@ -40,6 +42,23 @@ bool within_class(const Outcome& o, const model::Discovery& d) {
         return std::find(group.begin(), group.end(), name) != group.end();
       };
       return has(id) && std::any_of(o.named.begin(), o.named.end(), has);
+    });
+  });
+}
+
+// What is hidden is weaker than what, the answer says, could have shown.
+bool below_detection(const Bench& b, const model::Discovery& d) {
+  return !b.effects.empty() && std::all_of(b.effects.begin(), b.effects.end(), [&](const auto& hidden) {
+    if (std::find(d.not_testable.begin(), d.not_testable.end(), hidden.id) != d.not_testable.end())
+      return true;
+    const auto smallest = d.smallest_detectable.find(hidden.id);
+    if (smallest == d.smallest_detectable.end()) return false;
+    const auto& parameter = model::find_effect(hidden.id).parameters.front();
+    const model::discrepancy::Amplitude amplitude(parameter);
+    return std::any_of(hidden.parameters.begin(), hidden.parameters.end(), [&](const auto& p) {
+      return p.first == parameter.name &&
+             std::abs(amplitude.strength(p.second)) <
+                 std::abs(amplitude.strength(smallest->second.at(std::string(parameter.name))));
     });
   });
 }
@@ -95,6 +114,7 @@ Outcome score(const Bench& b, const model::Discovery& d) {
     o.class_right = o.in_catalogue && !o.truth.empty() && within_class(o, d);
   } else {
     o.probability = o.verdict == "unknown" ? d.probability_unknown : d.probability_nothing;
+    o.class_right = o.in_catalogue && o.verdict == "nothing_missing" && below_detection(b, d);
   }
   if (d.family) {
     o.family = std::string(model::family_name(*d.family));

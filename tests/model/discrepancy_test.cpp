@@ -319,6 +319,87 @@ TEST(Discrepancy, AMeasuredDriveIsSettledByTheChannels) {
   EXPECT_LT(off(settled), 0.5 * off(bench[0]));
 }
 
+// Noise with a memory moves the knots further than white noise of its level would, and they say so.
+TEST(Discrepancy, AMeasuredDriveIsAsUncertainAsItsNoiseHasMemory) {
+  const auto off_over_stated = [](double memory) {
+    const std::vector<std::pair<int, double>> corners{{0, 0},       {150, 1e6},    {500, 1e6}, {700, -8e5},
+                                                      {1100, -8e5}, {1300, 1.5e6}, {1600, 0}};
+    std::normal_distribution<double> normal;
+    double squares = 0, count = 0;
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      std::mt19937_64 random(seed);
+      recordings::Recording r;
+      std::vector<double> field;
+      double slow = normal(random);
+      std::size_t leg = 0;
+      for (int i = 0; i <= corners.back().first; ++i) {
+        while (leg + 2 < corners.size() && i > corners[leg + 1].first) ++leg;
+        const auto [begin, from] = corners[leg];
+        const auto [end, to] = corners[leg + 1];
+        slow = memory * slow + std::sqrt(1 - memory * memory) * normal(random);
+        r.time.push_back(0.01 * i);
+        field.push_back(std::lerp(from, to, static_cast<double>(i - begin) / (end - begin)) +
+                        3e3 * (memory > 0 ? std::sqrt(0.5) * (slow + normal(random)) : normal(random)));
+      }
+      const auto m = given();
+      r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                           m.actuator.layer_count};
+      r.set(Channel::charge) = simulate(m, r.time, field).charge;
+      r.set(Channel::field) = field;
+      std::vector<std::string> warnings;
+      const auto drive = discrepancy::prepare(m, {{"noisy", r}}, 2000, warnings).front();
+      const Eigen::VectorXd stated = drive.knot_error.rowwise().norm();
+      const auto levels = static_cast<Eigen::Index>(drive.level_of.back() + 1);
+      for (std::size_t k = 1; k + 1 < drive.knot_time.size(); ++k)
+        for (const auto& [sample, level] : corners) {
+          if (std::abs(drive.knot_time[k] - 0.01 * sample) > 0.02) continue;
+          squares += std::pow(
+              (drive.knot_field[k] - level) / stated[static_cast<Eigen::Index>(drive.level_of[k])], 2);
+          squares += std::pow(
+              (drive.knot_time[k] - 0.01 * sample) / stated[levels + static_cast<Eigen::Index>(k) - 1], 2);
+          count += 2;
+        }
+    }
+    EXPECT_GE(count, 90);  // five inner corners, nearly all found
+    return squares / count;
+  };
+  for (const double memory : {0.0, 0.7, 0.9}) {
+    const double off = off_over_stated(memory);
+    EXPECT_GT(off, 0.5) << memory;
+    EXPECT_LT(off, 1.7) << memory;
+  }
+}
+
+// A base fit that has not arrived: what an effect seems to explain, the base does from where that led.
+TEST(Discrepancy, TheBaseIsTriedFromWhereAnEffectLed) {
+  const auto recordings = measure(real_bench());
+  std::vector<std::string> warnings;
+  const auto bench = discrepancy::prepare(given(), {recordings[0], recordings[2]}, 2000, warnings);
+  const auto noises = discrepancy::estimate_noise(bench, warnings);
+  const SimulationOptions simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
+  const discrepancy::RecordingMisfit misfit(bench, noises, {0, 1}, simulation, 2);
+  discrepancy::RecordingMisfit fine(bench, noises, {0, 1}, simulation, 2);
+  const auto hypothesis = discrepancy::base_hypothesis(given(), bench);
+  auto base = discrepancy::fit(misfit, hypothesis, discrepancy::at_rest(hypothesis),
+                               {.iterations = 2, .refreshes = 0, .tick = {}});
+  discrepancy::correct(misfit, fine, base);
+  discrepancy::refresh(misfit, base);
+  discrepancy::NamingOptions options{.candidates = {&find_effect("displacement_drift")},
+                                     .detect = 60,
+                                     .second = 60,
+                                     .small_against = 1e-4,
+                                     .most_domains = 1000,
+                                     .beyond_effects = {},
+                                     .tick = {}};
+  EXPECT_FALSE(discrepancy::find_names(misfit, fine, base, options).better_base);
+  options.doubt_base = true;
+  const auto naming = discrepancy::find_names(misfit, fine, base, options);
+  ASSERT_TRUE(naming.better_base);
+  EXPECT_LT(naming.better_base->squares, base.squares - 12);
+  // From there, there is nothing to name.
+  EXPECT_FALSE(discrepancy::find_names(misfit, fine, *naming.better_base, options).detected);
+}
+
 // Steps that a double holds exactly: the estimate of the noise is zero.
 TEST(Discrepancy, AMeasuredDriveMayBeExact) {
   recordings::Recording r;
