@@ -9,6 +9,7 @@
 #include "model/discrepancy/discover.h"
 #include "model/discrepancy/least_squares.h"
 #include "model/discrepancy/misfit.h"
+#include "model/discrepancy/naming.h"
 #include "model/discrepancy/noise.h"
 #include "model/discrepancy/report.h"
 #include "model/fit/fit.h"
@@ -381,7 +382,7 @@ TEST(Discrepancy, TheBaseIsTriedFromWhereAnEffectLed) {
   discrepancy::RecordingMisfit fine(bench, noises, {0, 1}, simulation, 2);
   const auto hypothesis = discrepancy::base_hypothesis(given(), bench);
   auto base = discrepancy::fit(misfit, hypothesis, discrepancy::at_rest(hypothesis),
-                               {.iterations = 2, .refreshes = 0, .tick = {}});
+                               {.iterations = 1, .refreshes = 0, .tick = {}});
   discrepancy::correct(misfit, fine, base);
   discrepancy::refresh(misfit, base);
   discrepancy::NamingOptions options{.candidates = {&find_effect("displacement_drift")},
