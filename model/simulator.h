@@ -10,6 +10,10 @@
 
 namespace ferrobench::model {
 
+// A specimen has countless domains. So many are hardly told from them: in holds of soft PZT against a stiff
+// spring they are 0.004 % of the range off (rms), 1,000 are 0.1 %, and a good bench has 0.02 % of noise.
+inline constexpr int many_domains = 8000;
+
 struct SimulationOptions {
   // Largest error of the mean polarization and strain from stepping in time, as a share of their switching
   // range (2 P_r and |eps_90|).

@@ -5,7 +5,7 @@
 #include <span>
 
 #include "daq/virtual/converter.h"
-#include "model/model.h"
+#include "model/simulator.h"
 #include "protocols/common/fields.h"
 
 namespace ferrobench::daq {
@@ -27,9 +27,9 @@ struct VirtualConfig {
   nlohmann::json model = "soft-pzt";  // a shipped model's name, or a model
   std::int64_t seed = 1;
   Clock clock = Clock::real;
-  double field_range = 2e6;  // V/m; +-200 V on layers of 100 um
-  double tolerance = 1e-4;   // of the model, see model/simulator.h
-  std::int64_t domains = 0;  // 0: as many as the tolerance asks for
+  double field_range = 2e6;                    // V/m; +-200 V on layers of 100 um
+  double tolerance = 1e-5;                     // of the model, see model/simulator.h
+  std::int64_t domains = model::many_domains;  // 0: as many as the tolerance asks for
   ChannelConfig field, charge, displacement, force;
 };
 
@@ -52,7 +52,8 @@ void describe(Visitor& visit, VirtualConfig& c) {
         {.unit = "V/m", .min = 0, .max = 1e9, .exclusive_min = true, .doc = "the amplifier reaches +- this"});
   visit("tolerance", c.tolerance,
         {.min = 1e-9, .max = 0.1, .doc = "of the model, share of its switching range"});
-  visit("domains", c.domains, {.min = 0, .max = 1e6, .doc = "of the polycrystal; 0: as many as needed"});
+  visit("domains", c.domains,
+        {.min = 0, .max = 1e6, .doc = "of the polycrystal; 0: as many as the tolerance asks for"});
   visit("field", c.field, {.unit = "V/m"});
   visit("charge", c.charge, {.unit = "C"});
   visit("displacement", c.displacement, {.unit = "m"});

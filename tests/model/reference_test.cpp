@@ -112,6 +112,33 @@ TEST(StatedError, OfTheQuadratureIsNearTheTrueOne) {
   }
 }
 
+// In holds against a stiff spring, where few domains show most.
+TEST(ManyDomains, DoNotShowInTheNoise) {
+  auto model = library_model("soft-pzt");
+  model.load = {.spring_stiffness = 5.9e6, .prestress = 2e6};
+  std::vector<double> time{0}, field{1.5e6};
+  const auto add = [&](double to, double seconds) {
+    const double from = field.back(), begin = time.back();
+    const int steps = static_cast<int>(std::ceil(seconds / 0.1));
+    for (int i = 1; i <= steps; ++i) {
+      time.push_back(begin + seconds * i / steps);
+      field.push_back(std::lerp(from, to, static_cast<double>(i) / steps));
+    }
+  };
+  for (const double level : {0.0, -0.45e6, -0.5e6, -0.55e6, -0.8e6, -1.5e6}) {
+    add(level, (1.5e6 - level) / 1e5);
+    add(level, 15);
+    add(1.5e6, (1.5e6 - level) / 1e5);
+    add(1.5e6, 5);
+  }
+  const auto play = [&](int domains) {
+    return simulate(model, time, field, {.tolerance = 1e-5, .domains = domains}).displacement;
+  };
+  const auto exact = play(64000);
+  EXPECT_LT(apart(exact, play(many_domains)), 6e-5);
+  EXPECT_GT(apart(exact, play(1000)), 6e-4);
+}
+
 // Where the default's domains do not bring 0.2 % the stated quadrature error has to say so.
 TEST(Defaults, AreConvergedOrSayThatTheyAreNot) {
   Draw draw(11);
