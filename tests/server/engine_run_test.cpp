@@ -2,6 +2,7 @@
 #include <future>
 
 #include "engine_bench.h"
+#include "model/discrepancy/discover.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
 
@@ -45,6 +46,17 @@ TEST_F(EngineTest, RecordsAWholeRun) {
   const auto& column = r.raw->columns[0];
   EXPECT_DOUBLE_EQ(r.at(column.channel)[10],
                    column.offset + column.gain * r.raw->counts[10 * r.raw->columns.size()]);
+}
+
+// The virtual device records its model and its noise; its own numerical error does not show.
+TEST_F(EngineTest, NothingIsMissingInTheVirtualDevicesModel) {
+  auto asked = request("creep-6-holds-stiff-spring", true);
+  asked.set = {{"model.material.barrier", 5.3e4}, {"model.material.relaxation_time", 9.4e-3}};
+  const auto run = finish(asked);
+  ASSERT_EQ(run.state, RunState::complete) << run.reason;
+  const auto found =
+      model::discover(model::library_model("soft-pzt"), {{"holds", recordings::read_recording(run.path)}});
+  EXPECT_EQ(found.verdict, model::Verdict::nothing_missing) << found.health.largest_left;
 }
 
 TEST_F(EngineTest, SameSeedSameSignals) {
