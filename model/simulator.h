@@ -10,10 +10,6 @@
 
 namespace ferrobench::model {
 
-// A specimen has countless domains. So many are hardly told from them: in holds of soft PZT against a stiff
-// spring they are 0.004 % of the range off (rms), 1,000 are 0.1 %, and a good bench has 0.02 % of noise.
-inline constexpr int many_domains = 8000;
-
 struct SimulationOptions {
   // Largest error of the mean polarization and strain from stepping in time, as a share of their switching
   // range (2 P_r and |eps_90|).
@@ -25,6 +21,11 @@ struct SimulationOptions {
   bool every_spread = false;     // of make_domains
   std::uint64_t most_steps = 0;  // after so many, rejected ones too, Error(numerical); 0: no bound
 };
+
+// Simulated so, a model is hardly told from a specimen, which has countless domains: in holds of soft PZT
+// against a stiff spring it is 0.004 % of the range off (rms), with 1,000 domains 0.1 %, and a good bench has
+// 0.02 % of noise.
+inline constexpr SimulationOptions below_noise{.tolerance = 1e-5, .domains = 8000};
 
 // The channels at a list of times; each span either empty (not wanted) or as long as the times.
 struct ChannelSpans {

@@ -27,9 +27,9 @@ struct VirtualConfig {
   nlohmann::json model = "soft-pzt";  // a shipped model's name, or a model
   std::int64_t seed = 1;
   Clock clock = Clock::real;
-  double field_range = 2e6;                    // V/m; +-200 V on layers of 100 um
-  double tolerance = 1e-5;                     // of the model, see model/simulator.h
-  std::int64_t domains = model::many_domains;  // 0: as many as the tolerance asks for
+  double field_range = 2e6;  // V/m; +-200 V on layers of 100 um
+  double tolerance = model::below_noise.tolerance;
+  std::int64_t domains = model::below_noise.domains;  // 0: as many as the tolerance asks for
   ChannelConfig field, charge, displacement, force;
 };
 

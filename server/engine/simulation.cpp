@@ -19,7 +19,7 @@ Simulation simulate_recording(const recordings::Recording& recording, const nloh
                         .message = "is missing, and the recording names none",
                         .hint = "give one: --model NAME or FILE"});
   const auto adapted = model::model_for(model::model_from_json(chosen), recording.header);
-  auto trajectory = model::simulate_on(adapted, recording, {.tolerance = 1e-5, .domains = model::many_domains}, true);
+  auto trajectory = model::simulate_on(adapted, recording, model::below_noise, true);
   const bool commanded = recording.has(Channel::command);
 
   Simulation out;

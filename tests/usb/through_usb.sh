@@ -23,7 +23,8 @@ JSON
   --device-config "$folder/device.json" --set device.queue_ahead=0.5 --set device.update_rate=2000 \
   --out "$folder/usb.h5" --quiet
 # The unit's specimen has fewer domains than the virtual device takes by itself.
-"$ferrobench" run "$folder/loops.json" --model mcl-op30 --fast --set device.domains=0 --set device.tolerance=1e-4 --out "$folder/virtual.h5" --quiet
+"$ferrobench" run "$folder/loops.json" --model mcl-op30 --fast \
+  --set device.domains=0 --set device.tolerance=1e-4 --out "$folder/virtual.h5" --quiet
 for name in usb virtual; do
   "$ferrobench" report "$folder/$name.h5" --format json --out "$folder/$name.json"
 done
