@@ -47,7 +47,7 @@ void Builder::add(Piece piece, double rate, std::string_view label) {
             .message = "is too steep",
             .given = rate,
             .allowed = {{"to", rate_info("").max}},
-            .unit = std::string(rate_unit)});
+            .unit = unit_.rate_name()});
   if (!(time_ + piece.duration <= max_duration))
     refuse({.path = path_,
             .message = "makes the program last too long",
@@ -57,16 +57,17 @@ void Builder::add(Piece piece, double rate, std::string_view label) {
   piece.start = time_;
   time_ += piece.duration;
   level_ = piece.to;
-  piece.from = scaled(piece.from);
-  piece.to = scaled(piece.to);
-  piece.center = scaled(piece.center);
-  piece.amplitude = scaled(piece.amplitude);
+  piece.from = unit_.field(piece.from);
+  piece.to = unit_.field(piece.to);
+  piece.center = unit_.field(piece.center);
+  piece.amplitude = unit_.field(piece.amplitude);
   segments_.push_back({.kind = piece.kind == PieceKind::hold ? "hold" : "ramp",
                        .label = prefix_ + std::string(label),
                        .start = piece.start,
                        .end = time_,
                        .level = piece.to,
-                       .rate = scaled(rate)});
+                       .rate = unit_.field(rate),
+                       .path = path_});
   pieces_.push_back(piece);
 }
 
@@ -77,7 +78,7 @@ void Builder::ramp_to(double to, double rate, std::string_view label) {
             .message = "starts at another level than the program is at, and has no slope to go there by",
             .given = to,
             .allowed = level_,
-            .unit = std::string(level_unit),
+            .unit = unit_.name,
             .hint = "put a ramp before it"});
   const double time = std::abs(to - level_) / rate;
   add({.kind = PieceKind::ramp, .duration = time, .from = level_, .to = to}, rate, label);

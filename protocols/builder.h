@@ -11,12 +11,7 @@ namespace ferrobench::protocols {
 
 class Builder {
  public:
-  // A level l of the file is l * unit / divisor in V/m: two numbers, so that 150 V over 1e-4 m round as
-  // people's own arithmetic does.
-  struct Scale {
-    double unit = 1, divisor = 1;
-  };
-  Builder(double level, Scale scale) : scale_(scale), level_(level) {}
+  Builder(double level, LevelUnit unit) : unit_(std::move(unit)), level_(level) {}
 
   // What is added from now on belongs to the segment at this JSON pointer; its labels begin with `prefix`.
   // Throws Error(bad_protocol), as the moves below do, when the program gets too long.
@@ -39,14 +34,13 @@ class Builder {
   std::string next_hold() { return std::to_string(++holds_); }
   std::string next_reversal() { return std::to_string(++reversals_); }
 
-  Waveform finish() { return {std::move(pieces_), std::move(segments_)}; }
+  Waveform finish() { return {std::move(pieces_), std::move(segments_), std::move(unit_)}; }
 
  private:
   void step();
   void add(Piece piece, double rate, std::string_view label);
-  double scaled(double level) const { return level * scale_.unit / scale_.divisor; }
 
-  Scale scale_;
+  LevelUnit unit_;
   double level_;
   double time_ = 0;
   std::size_t steps_ = 0;

@@ -1,64 +1,88 @@
 #include "protocols/csv.h"
 
-#include <algorithm>
-#include <charconv>
+#include <array>
 #include <cmath>
-#include <optional>
-#include <utility>
 
+#include "protocols/common/delimited_text.h"
 #include "protocols/common/fields.h"
+#include "protocols/common/headings.h"
+#include "protocols/common/units.h"
 
 namespace ferrobench::protocols {
 namespace {
 
-constexpr std::string_view separators = ",; \t\r";
+constexpr std::size_t time_column = 0, level_column = 1;
+constexpr std::array of_time{Quantity::time};
+constexpr std::array of_level{Quantity::field, Quantity::voltage};
 
-std::vector<std::string_view> split(std::string_view line) {
-  std::vector<std::string_view> cells;
-  while (true) {
-    const auto begin = line.find_first_not_of(separators);
-    if (begin == std::string_view::npos) return cells;
-    line.remove_prefix(begin);
-    cells.push_back(line.substr(0, line.find_first_of(separators)));
-    line.remove_prefix(cells.back().size());
-  }
-}
-
-std::optional<double> number(std::string_view cell) {
-  if (cell.starts_with('+')) cell.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc{} || end != cell.data() + cell.size() || !std::isfinite(value)) return std::nullopt;
-  return value;
+// The unit of a column, nullptr if its heading says none; a problem if it is none of these quantities.
+const KnownUnit* unit_of(const DelimitedText& table, std::size_t column, std::span<const Quantity> quantities,
+                         const std::string& path, std::vector<Problem>& problems) {
+  const auto heading = read_heading(table.names().at(column));
+  const auto* unit = find_unit(heading.unit, quantities);
+  const bool bare_voltage = heading.unit.empty() && column == level_column && names_a_voltage(heading.name);
+  if (unit == nullptr && (bare_voltage || !heading.unit.empty()))
+    problems.push_back(
+        {.path = path,
+         .message = table.column_name(column) +
+                    (bare_voltage ? " is a voltage that says no unit" : " has a unit that is not understood"),
+         .given = excerpt(bare_voltage ? heading.name : heading.unit),
+         .allowed = units_of(quantities),
+         .hint = column == time_column ? "a heading like time_s or t [ms]"
+                                       : "a heading like field_kV_per_mm, E (kV/mm), voltage_V or U/kV"});
+  return unit;
 }
 
 }  // namespace
 
-std::vector<std::vector<double>> read_points(std::string_view text, const std::string& path,
-                                             std::vector<Problem>& problems) {
-  constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
-  if (text.starts_with(byte_order_mark)) text.remove_prefix(byte_order_mark.size());
-  std::vector<std::vector<double>> rows;
-  bool names_allowed = true;
-  for (std::size_t line_number = 1; !text.empty(); ++line_number) {
-    const auto line = text.substr(0, text.find('\n'));
-    text.remove_prefix(std::min(text.size(), line.size() + 1));
-    const auto cells = split(line.substr(0, line.find('#')));
-    if (cells.empty()) continue;
-    const bool first = std::exchange(names_allowed, false);
-    const auto time = number(cells[0]);
-    const auto level = cells.size() == 2 ? number(cells[1]) : std::nullopt;
-    if (time && level) {
-      rows.push_back({*time, *level});
-    } else if (!first || time) {
-      problems.push_back({.path = path,
-                          .message = "line " + std::to_string(line_number) + " is not a time and a level",
-                          .given = excerpt(line),
-                          .allowed = "two numbers, split by a comma, semicolon, tab or space"});
-      if (problems.size() >= max_problems) return rows;
+std::span<const std::pair<Unit, std::string_view>> enum_names(Unit) {
+  static constexpr std::pair<Unit, std::string_view> names[] = {{Unit::kv_per_mm, "kV/mm"},
+                                                                {Unit::volt, "V"}};
+  return names;
+}
+
+PointTable read_points(std::string_view text, const std::string& path, std::optional<Unit> unit,
+                       std::vector<Problem>& problems) {
+  PointTable out{.points = {}, .unit = unit.value_or(Unit::kv_per_mm)};
+  DelimitedText table(text, {}, path, problems, max_problems);
+  if (table.columns() == 0) return out;
+  if (table.columns() != 2) {
+    table.complain(
+        "a time and a level are wanted, and there are " + std::to_string(table.columns()) + " columns",
+        table.names().empty() ? "" : table.names().back());
+    return out;
+  }
+  double seconds = 1, levels = 1;
+  if (!table.names().empty()) {
+    const auto before = problems.size();
+    const auto* time_unit = unit_of(table, time_column, of_time, path, problems);
+    const auto* level = unit_of(table, level_column, of_level, path, problems);
+    if (problems.size() > before) return out;
+    if (time_unit != nullptr) seconds = time_unit->si;
+    if (level != nullptr) {
+      const auto said = level->quantity == Quantity::voltage ? Unit::volt : Unit::kv_per_mm;
+      if (unit && said != *unit) {
+        problems.push_back(
+            {.path = path,
+             .message = table.column_name(level_column) + " is in another unit than the protocol",
+             .given = level->text,
+             .allowed = units_of(std::span(of_level).subspan(*unit == Unit::volt ? 1 : 0, 1))});
+        return out;
+      }
+      out.unit = said;
+      levels = level->si / (said == Unit::volt ? 1 : volts_per_m_in_kv_per_mm);
     }
   }
-  return rows;
+  while (table.next()) {
+    const auto before = problems.size();
+    const double time = table.number(time_column), level = table.number(level_column);
+    if (problems.size() > before) continue;
+    if (std::isnan(time) || std::isnan(level))
+      table.complain(table.column_name(std::isnan(time) ? time_column : level_column) + " is empty", "");
+    else
+      out.points.push_back({time * seconds, level * levels});
+  }
+  return out;
 }
 
 }  // namespace ferrobench::protocols

@@ -1,17 +1,30 @@
 // Time and level pairs from CSV text.
 #pragma once
 
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "protocols/common/error.h"
 
 namespace ferrobench::protocols {
 
-// Two numbers a line, split by comma, semicolon, tab or spaces; empty lines and lines from # on are left out,
-// and so is one line of column names at the top. Problems are added with `path` and say the line.
-std::vector<std::vector<double>> read_points(std::string_view text, const std::string& path,
-                                             std::vector<Problem>& problems);
+// Of levels, and per second of rates.
+enum class Unit { kv_per_mm, volt };
+std::span<const std::pair<Unit, std::string_view>> enum_names(Unit);
+
+struct PointTable {
+  std::vector<std::vector<double>> points;  // [s, level in `unit`]
+  Unit unit = Unit::kv_per_mm;
+};
+// Two columns, time and level, as common/delimited_text.h reads them. Units stand in a first row of names
+// (common/headings.h) and are converted; where they do not, times are in s and levels in `unit`, or in kV/mm
+// if none is given. A level that is a voltage where `unit` is a field is a problem, and the other way round.
+// Problems are added with `path` and say line and column.
+PointTable read_points(std::string_view text, const std::string& path, std::optional<Unit> unit,
+                       std::vector<Problem>& problems);
 
 }  // namespace ferrobench::protocols

@@ -120,11 +120,16 @@ std::span<const std::pair<Format, std::string_view>> enum_names(Format) {
   return names;
 }
 
-std::span<const std::pair<Unit, std::string_view>> enum_names(Unit) {
-  static constexpr std::pair<Unit, std::string_view> names[] = {{Unit::kv_per_mm, "kV/mm"},
-                                                                {Unit::volt, "V"}};
-  return names;
+namespace {
+
+// The fields of segments.h are in either unit; a problem is told in the one that this file is in.
+void tell_in(Unit unit, Problem& problem) {
+  const auto name = write_json(unit).get<std::string>();
+  if (problem.unit == level_unit) problem.unit = name;
+  if (problem.unit == rate_unit) problem.unit = name + "/s";
 }
+
+}  // namespace
 
 Program read_program(const json& given, std::vector<Problem>& problems) {
   Program program;
@@ -149,10 +154,14 @@ Program read_program(const json& given, std::vector<Problem>& problems) {
                      .allowed = name_pattern,
                      .hint = "a title for people goes under title"});
   if (values.contains("segments"))
-    program.segments = read_segments(program.header.segments, "/segments", 0, found);
+    program.segments = read_segments(program.header.segments, "/segments", 0, program.header.unit, found);
   program.header.segments = nullptr;
-  for (auto& problem : found)
-    if (!substitution.complained(problem.path)) problems.push_back(std::move(problem));
+  const bool unit_known = std::ranges::none_of(found, [](const Problem& p) { return p.path == "/unit"; });
+  for (auto& problem : found) {
+    if (substitution.complained(problem.path)) continue;
+    if (unit_known) tell_in(program.header.unit, problem);
+    problems.push_back(std::move(problem));
+  }
   return program;
 }
 

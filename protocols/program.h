@@ -12,9 +12,7 @@
 namespace ferrobench::protocols {
 
 enum class Format { protocol };
-enum class Unit { kv_per_mm, volt };
 std::span<const std::pair<Format, std::string_view>> enum_names(Format);
-std::span<const std::pair<Unit, std::string_view>> enum_names(Unit);
 
 struct LoadFields {
   std::optional<double> spring_stiffness, prestress;

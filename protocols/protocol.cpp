@@ -1,11 +1,9 @@
 #include "protocols/protocol.h"
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
+#include "protocols/common/text_file.h"
 #include "protocols/common/units.h"
 #include "protocols/csv.h"
 #include "protocols/expand.h"
@@ -26,8 +24,8 @@ Program valid_program(const nlohmann::json& given) {
   return program;
 }
 
-Waveform play(const Program& program, Builder::Scale scale) {
-  Builder builder(program.header.start, scale);
+Waveform play(const Program& program, LevelUnit unit) {
+  Builder builder(program.header.start, std::move(unit));
   expand(program.segments, "", builder);
   auto waveform = builder.finish();
   if (waveform.pieces().empty())
@@ -36,17 +34,9 @@ Waveform play(const Program& program, Builder::Scale scale) {
   return waveform;
 }
 
-std::string read_file(const std::string& path) {
-  std::error_code failure;
-  if (!std::filesystem::is_regular_file(path, failure))
-    throw Error(ErrorCode::not_found, "there is no file \"" + path + "\"");
-  if (std::filesystem::file_size(path, failure) > max_file_bytes)
-    throw Error(ErrorCode::bad_protocol,
-                "\"" + path + "\" is larger than " + std::to_string(max_file_bytes) + " bytes");
-  std::ifstream file(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (!file) throw Error(ErrorCode::io_error, "\"" + path + "\" cannot be read");
-  return text;
+// To see whether it can be played: levels stay as written.
+LevelUnit as_written(const Program& program) {
+  return {.name = write_json(program.header.unit)};
 }
 
 // 1, 2, 5, 10, 20, ...: the first at or above x.
@@ -60,7 +50,8 @@ double round_up(double x) {
 }  // namespace
 
 Protocol Protocol::from_json(const nlohmann::json& given) {
-  play(valid_program(given), {});
+  const auto program = valid_program(given);
+  play(program, as_written(program));
   Protocol protocol;
   protocol.json_ = given;
   return protocol;
@@ -71,13 +62,14 @@ Protocol Protocol::from_text(std::string_view text) {
 }
 
 Protocol Protocol::from_file(const std::string& path) {
-  return from_text(read_file(path));
+  return from_text(read_text_file(path, max_file_bytes, ErrorCode::bad_protocol, Pipes::read));
 }
 
-Protocol Protocol::from_csv_file(const std::string& path, std::string_view unit) {
+Protocol Protocol::from_csv_file(const std::string& path) {
   std::vector<Problem> problems;
-  const auto points = read_points(read_file(path), "", problems);
-  if (points.empty()) problems.push_back({.message = "has no point"});
+  const auto [points, unit] = read_points(
+      read_text_file(path, max_file_bytes, ErrorCode::bad_protocol, Pipes::read), "", std::nullopt, problems);
+  if (points.empty() && problems.empty()) problems.push_back({.message = "has no point"});
   if (!problems.empty())
     throw Error(ErrorCode::bad_protocol, "\"" + path + "\" is not a table of time and level",
                 std::move(problems));
@@ -85,7 +77,7 @@ Protocol Protocol::from_csv_file(const std::string& path, std::string_view unit)
                     {"version", 1},
                     {"name", "points"},
                     {"title", "Points from a file"},
-                    {"unit", unit},
+                    {"unit", write_json(unit)},
                     {"start", points.front()[1]},
                     {"segments", {{{"kind", "points"}, {"points", points}}}}});
 }
@@ -100,7 +92,7 @@ std::string Protocol::title() const {
 std::optional<double> Protocol::sample_rate() const {
   const auto program = valid_program(json_);
   if (program.header.sample_rate) return program.header.sample_rate;
-  const auto waveform = play(program, {});
+  const auto waveform = play(program, as_written(program));
   const double sweep = waveform.maximum() - waveform.minimum();
   if (sweep == 0) return std::nullopt;
   return round_up(std::clamp(samples_per_sweep * waveform.max_slew() / sweep, 1.0, 1e5));
@@ -144,14 +136,19 @@ Protocol Protocol::with(const ExpandOptions& options) const {
 
 Waveform Protocol::expand(const ExpandOptions& options) const {
   const auto program = valid_program(with(options).json_);
-  if (program.header.unit == Unit::kv_per_mm) return play(program, {.unit = volts_per_m_in_kv_per_mm});
+  auto unit = as_written(program);
+  if (program.header.unit == Unit::kv_per_mm) {
+    unit.unit = volts_per_m_in_kv_per_mm;
+    return play(program, std::move(unit));
+  }
   if (!program.header.layer_thickness)
     throw Error(ErrorCode::bad_protocol, "levels in V need a layer thickness",
                 Problem{.path = "/layer_thickness_m",
                         .message = "is missing",
                         .unit = "m",
                         .hint = "give it in the protocol or take it from the specimen"});
-  return play(program, {.divisor = *program.header.layer_thickness});
+  unit.divisor = *program.header.layer_thickness;
+  return play(program, std::move(unit));
 }
 
 std::vector<Problem> validate(const nlohmann::json& given) {

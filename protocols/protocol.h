@@ -43,8 +43,9 @@ class Protocol {
   static Protocol from_json(const nlohmann::json& given);
   static Protocol from_text(std::string_view text);
   static Protocol from_file(const std::string& path);  // Error(not_found) or Error(bad_protocol)
-  // A field program from a CSV file of time in s and level; starts at the first level.
-  static Protocol from_csv_file(const std::string& path, std::string_view unit = "kV/mm");
+  // A field program from a CSV file of time and level (csv.h), in s and kV/mm where its headings name no
+  // units; starts at the first level.
+  static Protocol from_csv_file(const std::string& path);
 
   const nlohmann::json& json() const { return json_; }
   std::string name() const;

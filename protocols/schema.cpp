@@ -86,6 +86,7 @@ json protocol_schema() {
   auto schema = json_schema<Header>();
   allow_parameters(schema);
   schema["$schema"] = "https://json-schema.org/draft/2020-12/schema";
+  schema["$id"] = "urn:ferrobench:protocol:1";
   schema["title"] = "Ferrobench protocol";
   auto& properties = schema["properties"];
   properties["version"] = {{"const", 1}};

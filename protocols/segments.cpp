@@ -4,8 +4,6 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "protocols/csv.h"
-
 namespace ferrobench::protocols {
 namespace {
 
@@ -17,6 +15,7 @@ struct Place {
   const json& object;
   const std::string& path;
   int depth;
+  Unit unit;
   std::vector<Problem>& problems;
 
   bool has(std::string_view key) const { return object.contains(key); }
@@ -86,7 +85,7 @@ void check_values(const Reversals& s, const Place& place) {
 
 void check_keys(Points& s, const Place& place) {
   place.exactly_one("points", "csv");
-  if (s.csv) s.points = read_points(*s.csv, pointer(place.path, "csv"), place.problems);
+  if (s.csv) s.points = read_points(*s.csv, pointer(place.path, "csv"), place.unit, place.problems).points;
 }
 void check_values(const Points& s, const Place& place) {
   if (!s.points) return;  // given as null, which has been reported
@@ -117,7 +116,8 @@ void check_values(const Points& s, const Place& place) {
 
 void check_keys(Repeat& s, const Place& place) {
   if (!place.has("segments")) return;
-  s.nodes = read_segments(s.segments, pointer(place.path, "segments"), place.depth + 1, place.problems);
+  s.nodes =
+      read_segments(s.segments, pointer(place.path, "segments"), place.depth + 1, place.unit, place.problems);
   s.segments = nullptr;
 }
 void check_values(const Repeat&, const Place&) {}
@@ -163,7 +163,7 @@ void read_node(std::variant<Kinds...>*, Node& node, const Place& place) {
 
 }  // namespace
 
-std::vector<Node> read_segments(const json& list, const std::string& path, int depth,
+std::vector<Node> read_segments(const json& list, const std::string& path, int depth, Unit unit,
                                 std::vector<Problem>& problems) {
   std::vector<Node> nodes;
   if (!list.is_array()) {
@@ -180,7 +180,7 @@ std::vector<Node> read_segments(const json& list, const std::string& path, int d
     for (std::size_t i = 0; i < list.size() && problems.size() < max_problems; ++i) {
       const auto here = pointer(path, std::to_string(i));
       if (list[i].is_object()) {
-        read_node(static_cast<Body*>(nullptr), nodes.emplace_back(), {list[i], here, depth, problems});
+        read_node(static_cast<Body*>(nullptr), nodes.emplace_back(), {list[i], here, depth, unit, problems});
       } else {
         problems.push_back(fields_detail::wrong_type(here, list[i], "a segment, an object with a kind", {}));
       }

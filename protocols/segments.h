@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "protocols/common/fields.h"
+#include "protocols/csv.h"
 
 namespace ferrobench::protocols {
 
@@ -165,7 +166,7 @@ struct Points {
 template <class Visitor>
 void describe(Visitor& visit, Points& s) {
   visit("points", s.points, {.doc = "pairs [time in s, level]; or give csv"});
-  visit("csv", s.csv, {.doc = "lines of time in s and level; or give points"});
+  visit("csv", s.csv, {.doc = "a table of time and level, units in its headings; or give points"});
 }
 
 struct Node;
@@ -209,8 +210,8 @@ inline constexpr int max_depth = 8;         // of nested repeats
 inline constexpr std::size_t max_pieces = 1'000'000;
 inline constexpr double max_duration = 1e7;  // s
 
-// Reads an array of segments, parameters already replaced; adds every problem.
-std::vector<Node> read_segments(const nlohmann::json& list, const std::string& path, int depth,
+// Reads an array of segments, parameters already replaced; adds every problem. `unit`: of their levels.
+std::vector<Node> read_segments(const nlohmann::json& list, const std::string& path, int depth, Unit unit,
                                 std::vector<Problem>& problems);
 
 }  // namespace ferrobench::protocols

@@ -75,8 +75,8 @@ double Piece::max_slew() const {
   return two_pi * frequency * std::abs(amplitude) * steepest;
 }
 
-Waveform::Waveform(std::vector<Piece> pieces, std::vector<Segment> segments)
-    : pieces_(std::move(pieces)), segments_(std::move(segments)) {
+Waveform::Waveform(std::vector<Piece> pieces, std::vector<Segment> segments, LevelUnit unit)
+    : pieces_(std::move(pieces)), segments_(std::move(segments)), unit_(std::move(unit)) {
   if (pieces_.size() != segments_.size())
     throw std::invalid_argument("a waveform needs one segment row for each piece");
   double end = 0;
@@ -93,6 +93,11 @@ Waveform::Waveform(std::vector<Piece> pieces, std::vector<Segment> segments)
       throw std::invalid_argument("pieces must follow each other without a gap, from time 0");
     end = piece.start + piece.duration;
   }
+}
+
+std::string Waveform::place(std::size_t piece) const {
+  const auto& path = segments_.at(piece).path;
+  return path.empty() ? "/segments/" + std::to_string(piece) : path;
 }
 
 double Waveform::duration() const {

@@ -39,16 +39,30 @@ struct Segment {
   double start = 0, end = 0;  // s
   double level = 0;           // V/m, at the end
   double rate = 0;            // V/m/s, magnitude; 0 for a hold
+  std::string path{};         // JSON pointer into the protocol that it comes from; "" if there is none
+};
+
+// The unit in which the author of a program wrote levels, and per second rates. A level l is
+// l * unit / divisor in V/m: two numbers, so that 150 V over 1e-4 m round as people's own arithmetic does.
+struct LevelUnit {
+  std::string name = "V/m";
+  double unit = 1, divisor = 1;
+  double field(double level) const { return level * unit / divisor; }
+  double level(double field) const { return field * divisor / unit; }
+  std::string rate_name() const { return name + "/s"; }
 };
 
 class Waveform {
  public:
   Waveform() = default;
   // Throws std::invalid_argument if pieces do not join in time (pieces and segments correspond one to one).
-  Waveform(std::vector<Piece> pieces, std::vector<Segment> segments);
+  Waveform(std::vector<Piece> pieces, std::vector<Segment> segments, LevelUnit unit = {});
 
   std::span<const Piece> pieces() const { return pieces_; }
   std::span<const Segment> segments() const { return segments_; }
+  const LevelUnit& unit() const { return unit_; }
+  // What a problem with a piece points to: the segment of the protocol, or the row of the segment table.
+  std::string place(std::size_t piece) const;
   double duration() const;                  // s
   double value(double time) const;          // V/m; before the start the first value, after the end the last
   double minimum() const, maximum() const;  // V/m, exact
@@ -57,6 +71,7 @@ class Waveform {
  private:
   std::vector<Piece> pieces_;
   std::vector<Segment> segments_;
+  LevelUnit unit_;
 };
 
 // The waveform on a grid of samples 1/rate apart. Every corner falls on a sample, with its exact level: a

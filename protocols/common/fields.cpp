@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
 
 namespace ferrobench {
 namespace fields_detail {
@@ -104,17 +105,19 @@ std::string excerpt(std::string_view text) {
 
 std::string nearest_name(std::string_view given, std::span<const std::string> allowed) {
   std::string best;
-  std::size_t best_distance = std::max<std::size_t>(2, given.size() / 3) + 1;
+  // Of a short word little may be wrong, or every word is near to it.
+  std::size_t best_distance = (given.size() < 4 ? 1 : std::max<std::size_t>(2, given.size() / 3)) + 1;
   for (const auto& name : allowed) {
-    std::vector<std::size_t> row(name.size() + 1);
+    // Edits, of which two neighbours that changed places are one.
+    std::vector<std::size_t> before, last, row(name.size() + 1);
     for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
     for (std::size_t i = 1; i <= given.size(); ++i) {
-      std::size_t diagonal = row[0];
+      before = std::exchange(last, row);
       row[0] = i;
       for (std::size_t j = 1; j < row.size(); ++j) {
-        const std::size_t change = diagonal + (given[i - 1] == name[j - 1] ? 0 : 1);
-        diagonal = row[j];
-        row[j] = std::min({change, row[j] + 1, row[j - 1] + 1});
+        row[j] = std::min({last[j - 1] + (given[i - 1] == name[j - 1] ? 0 : 1), last[j] + 1, row[j - 1] + 1});
+        const bool swapped = i > 1 && j > 1 && given[i - 1] == name[j - 2] && given[i - 2] == name[j - 1];
+        if (swapped) row[j] = std::min(row[j], before[j - 2] + 1);
       }
     }
     if (row.back() < best_distance) {
@@ -122,7 +125,10 @@ std::string nearest_name(std::string_view given, std::span<const std::string> al
       best = name;
     }
   }
-  return best;
+  if (!best.empty() || given.size() < 3) return best;
+  const auto begun =
+      std::ranges::find_if(allowed, [&](const std::string& name) { return name.starts_with(given); });
+  return begun == allowed.end() ? "" : *begun;
 }
 
 }  // namespace ferrobench

@@ -36,7 +36,7 @@ TEST(Error, CarriesItsProblems) {
   EXPECT_STREQ(
       error.what(),
       "the protocol is not valid\n"
-      "  /segments/0/rate: is outside its range; given -1; allowed {\"from\":0} kV/mm/s (turn it round)\n"
+      "  /segments/0/rate: is outside its range: -1 kV/mm/s; allowed: at least 0 kV/mm/s (turn it round)\n"
       "  is empty");
   const auto data = error.data();
   EXPECT_EQ(data["name"], "bad_protocol");
@@ -46,7 +46,36 @@ TEST(Error, CarriesItsProblems) {
 
 TEST(Error, QuotesTextThatIsNotUtf8) {
   const Error error(ErrorCode::bad_protocol, "no", Problem{.message = "is odd", .given = "\xff"});
-  EXPECT_THAT(error.what(), testing::HasSubstr("is odd; given"));
+  EXPECT_THAT(error.what(), testing::HasSubstr("is odd: \""));
+}
+
+TEST(Error, IsToldInWordsAndNotInJson) {
+  const auto told = [](Problem problem) {
+    const std::string text = Error(ErrorCode::bad_protocol, "no", std::move(problem)).what();
+    return text.substr(std::string("no\n  ").size());
+  };
+  EXPECT_EQ(told({.path = "/a",
+                  .message = "is too fast",
+                  .given = 1000.0,
+                  .allowed = {{"to", 100.0}},
+                  .unit = "kV/mm/s"}),
+            "/a: is too fast: 1000 kV/mm/s; allowed: at most 100 kV/mm/s");
+  EXPECT_EQ(told({.message = "is odd", .given = "x", .allowed = {{"from", 0.01}, {"to", 1e9}}}),
+            "is odd: \"x\"; allowed: 0.01 to 1e+09");
+  EXPECT_EQ(told({.message = "is odd", .allowed = {{"above", 0}, {"to", 7}}}),
+            "is odd; allowed: above 0, at most 7");
+  EXPECT_EQ(told({.message = "is odd", .given = {1, "b"}, .allowed = {"a", "b", "c"}}),
+            "is odd: [1, b]; allowed: a, b or c");
+  EXPECT_EQ(told({.message = "is odd", .given = {{"a", {1, 2}}}}), "is odd: an object");
+  EXPECT_EQ(told({.path = "/x",
+                  .message = "is not known",
+                  .given = "b c",
+                  .allowed = {"bc", "d"},
+                  .hint = "did you mean \"bc\"?"}),
+            "/x: is not known: \"b c\"; did you mean \"bc\"? Allowed: bc or d");
+  EXPECT_EQ(told({.given = "/dev/full"}), "\"/dev/full\"");
+  EXPECT_EQ(told({.message = "is odd", .allowed = std::vector<int>(100, 7)}).size(),
+            std::string("is odd; allowed: ").size() + 40 + 39 * 2 + std::string(" and 60 more").size());
 }
 
 }  // namespace

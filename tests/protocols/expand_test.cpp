@@ -164,7 +164,7 @@ TEST(Points, GoStraightFromOneToTheNext) {
   EXPECT_EQ(w.segments()[1].kind, "hold");
 
   const std::string text =
-      "\xef\xbb\xbftime;level\r\n# made by hand\r\n0;0\r\n\r\n1;2 # top\r\n3\t+2\n4 , -1e0";
+      "\xef\xbb\xbftime;level\r\n# made by hand\r\n0;0\r\n\r\n1;2 # top\r\n3;+2\n4 ; -1e0";
   const auto same = expanded({{{"kind", "points"}, {"csv", text}}});
   EXPECT_THAT(corner_levels(same), near({0, 2, 2, -1}));
 }

@@ -136,6 +136,19 @@ TEST(NearestName, IsFoundForATypoAndNotForAnythingElse) {
   EXPECT_EQ(nearest_name("xyzzy", names), "");
 }
 
+TEST(NearestName, NeighboursThatChangedPlacesAreOneMistake) {
+  EXPECT_EQ(nearest_name("shwo", std::vector<std::string>{"slow", "show"}), "show");
+  EXPECT_EQ(nearest_name("rum", std::vector<std::string>{"fit", "run"}), "run");
+}
+
+TEST(NearestName, IsNoWordThatSharesALetterOfAShortOne) {
+  EXPECT_EQ(nearest_name("osc", std::vector<std::string>{"virtual", "usb", "replay"}), "");
+}
+
+TEST(NearestName, IsWhatWasBegun) {
+  EXPECT_EQ(nearest_name("soft", std::vector<std::string>{"nec-ae0505d08", "soft-pzt"}), "soft-pzt");
+}
+
 TEST(Excerpt, IsShortAndPrintable) {
   EXPECT_EQ(excerpt("a\n\xff\xc3\xa9"), "a????");
   EXPECT_EQ(excerpt(std::string(1000, 'x')).size(), 80U);

@@ -128,6 +128,17 @@ TEST(Validation, NamesUnknownParametersOnce) {
   EXPECT_EQ(problems.back().hint, "did you mean \"$top\"?");
 }
 
+TEST(Validation, TellsProblemsInTheUnitOfTheFile) {
+  auto given = program({{{"kind", "ramp"}, {"to", 1e7}, {"rate", -1}}});
+  for (const std::string unit : {"kV/mm", "V"}) {
+    given["unit"] = unit;
+    const auto problems = validate(given);
+    ASSERT_EQ(problems.size(), 2U);
+    EXPECT_EQ(problems[0].unit, unit);
+    EXPECT_EQ(problems[1].unit, unit + "/s");
+  }
+}
+
 TEST(Validation, RefusesNull) {
   EXPECT_THAT(segment_paths({{"kind", "ramp"}, {"to", 1}, {"rate", nullptr}}),
               ElementsAre("/segments/0/rate"));

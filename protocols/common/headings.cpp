@@ -1,0 +1,137 @@
+#include "protocols/common/headings.h"
+
+#include <algorithm>
+#include <array>
+
+namespace ferrobench {
+namespace {
+
+constexpr std::array<KnownUnit, 34> units{{
+    {"s", Quantity::time, 1},
+    {"ms", Quantity::time, 1e-3},
+    {"us", Quantity::time, 1e-6},
+    {"ns", Quantity::time, 1e-9},
+    {"min", Quantity::time, 60},
+    {"h", Quantity::time, 3600},
+    {"kV/mm", Quantity::field, 1e6},
+    {"MV/m", Quantity::field, 1e6},
+    {"V/m", Quantity::field, 1},
+    {"kV/m", Quantity::field, 1e3},
+    {"V/mm", Quantity::field, 1e3},
+    {"V/um", Quantity::field, 1e6},
+    {"kV/cm", Quantity::field, 1e5},
+    {"V/cm", Quantity::field, 1e2},
+    {"V", Quantity::voltage, 1},
+    {"kV", Quantity::voltage, 1e3},
+    {"mV", Quantity::voltage, 1e-3},
+    {"C", Quantity::charge, 1},
+    {"mC", Quantity::charge, 1e-3},
+    {"uC", Quantity::charge, 1e-6},
+    {"nC", Quantity::charge, 1e-9},
+    {"pC", Quantity::charge, 1e-12},
+    {"m", Quantity::displacement, 1},
+    {"cm", Quantity::displacement, 1e-2},
+    {"mm", Quantity::displacement, 1e-3},
+    {"um", Quantity::displacement, 1e-6},
+    {"nm", Quantity::displacement, 1e-9},
+    {"N", Quantity::force, 1},
+    {"mN", Quantity::force, 1e-3},
+    {"uN", Quantity::force, 1e-6},
+    {"kN", Quantity::force, 1e3},
+    {"MN", Quantity::force, 1e6},
+    {"sec", Quantity::time, 1},
+    {"seconds", Quantity::time, 1},
+}};
+
+// Behind an underscore these go on with a name.
+constexpr std::array<std::string_view, 22> words{
+    "time",   "field",    "level",    "voltage", "charge",   "displacement", "force", "command",
+    "cmd",    "set",      "setpoint", "monitor", "measured", "raw",          "value", "signal",
+    "sensor", "position", "stroke",   "left",    "right",    "total"};
+
+char lower(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+
+std::string lowered(std::string_view text) {
+  std::string out(text);
+  std::ranges::transform(out, out.begin(), lower);
+  return out;
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t");
+  return first == std::string_view::npos ? "" : text.substr(first, text.find_last_not_of(" \t") - first + 1);
+}
+
+void replace_all(std::string& text, std::string_view from, std::string_view to) {
+  for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
+    text.replace(at, from.size(), to);
+}
+
+bool goes_on_with_a_name(std::string_view word) {
+  return std::ranges::find(words, lowered(word)) != words.end() ||
+         word.find_first_not_of("0123456789") == std::string_view::npos;
+}
+
+Heading split_at(std::string_view text, std::size_t name, std::size_t unit) {
+  return {std::string(trimmed(text.substr(0, name))), std::string(trimmed(text.substr(unit)))};
+}
+
+// "field_kV_per_mm"
+Heading underscored(std::string_view text) {
+  for (auto at = text.find('_'); at != std::string_view::npos; at = text.find('_', at + 1))
+    if (!text.substr(0, at).ends_with("_per") && find_unit(text.substr(at + 1)) != nullptr)
+      return split_at(text, at, at + 1);
+  const auto last = text.rfind('_', text.find("_per_") - 1);
+  if (last == std::string_view::npos) return {"", std::string(text)};
+  if (goes_on_with_a_name(text.substr(last + 1))) return {std::string(text), ""};
+  return split_at(text, last, last + 1);
+}
+
+}  // namespace
+
+const KnownUnit* find_unit(std::string_view given, std::span<const Quantity> quantities) {
+  std::string text(trimmed(given));
+  for (const std::string_view micro : {"\xc2\xb5", "\xce\xbc", "\xb5"}) replace_all(text, micro, "u");
+  replace_all(text, "_per_", "/");
+  const auto found = std::ranges::find(units, text, &KnownUnit::text);
+  const bool wanted =
+      found != units.end() && std::ranges::find(quantities, found->quantity) != quantities.end();
+  return wanted ? &*found : nullptr;
+}
+
+std::vector<std::string> units_of(std::span<const Quantity> quantities) {
+  std::vector<std::string> out;
+  for (const auto quantity : quantities)
+    for (const auto& unit : units)
+      if (unit.quantity == quantity) out.emplace_back(unit.text);
+  return out;
+}
+
+Heading read_heading(std::string_view given) {
+  const auto text = trimmed(given);
+  if (find_unit(text) != nullptr) return {"", std::string(text)};
+  for (const std::string_view brackets : {"[]", "()"})
+    if (const auto open = text.find(brackets[0]);
+        text.ends_with(brackets[1]) && open != std::string_view::npos) {
+      auto out = split_at(text.substr(0, text.size() - 1), open, open + 1);
+      if (out.name.ends_with('/'))
+        out.name = trimmed(std::string_view(out.name).substr(0, out.name.size() - 1));
+      return out;
+    }
+  if (const auto slash = text.find('/'); slash != std::string_view::npos)
+    return split_at(text, slash, slash + 1);
+  if (const auto blank = text.rfind(' ');
+      blank != std::string_view::npos && find_unit(text.substr(blank + 1)) != nullptr)
+    return split_at(text, blank, blank + 1);
+  if (text.find('_') != std::string_view::npos) return underscored(text);
+  return {std::string(text), ""};
+}
+
+bool names_a_voltage(std::string_view name) {
+  const auto text = lowered(name);
+  return text == "u" || text == "v" || text.find("volt") != std::string::npos;
+}
+
+}  // namespace ferrobench

@@ -1,0 +1,38 @@
+// What a column's heading says of its unit. Units are never guessed: what has the look of one and is none of
+// these is handed on as it is written, for whoever reads the table to refuse.
+//
+//     field_kV_per_mm   E [kV/mm]   E (kV/mm)   U/V   t / ms   E/(kV/mm)   voltage V   kV
+#pragma once
+
+#include <array>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace ferrobench {
+
+enum class Quantity { time, field, voltage, charge, displacement, force };
+inline constexpr std::array<Quantity, 6> every_quantity{Quantity::time,         Quantity::field,
+                                                        Quantity::voltage,      Quantity::charge,
+                                                        Quantity::displacement, Quantity::force};
+
+struct KnownUnit {
+  std::string_view text;
+  Quantity quantity;
+  double si;  // SI units in one of it
+};
+
+// nullptr if there is none of these quantities; case counts. "kV_per_mm" is "kV/mm", and "um" may be written
+// with a Greek letter.
+const KnownUnit* find_unit(std::string_view text, std::span<const Quantity> quantities = every_quantity);
+std::vector<std::string> units_of(std::span<const Quantity> quantities);
+
+struct Heading {
+  std::string name, unit;  // as written; unit "" if it says none
+};
+Heading read_heading(std::string_view text);
+// "voltage", "U": to take this for a field would be a guess.
+bool names_a_voltage(std::string_view name);
+
+}  // namespace ferrobench
