@@ -2,10 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
-#include <sstream>
 
 #include "model/effects/catalogue.h"
+#include "protocols/common/text_file.h"
 
 namespace ferrobench::model {
 
@@ -183,7 +182,7 @@ void check_polycrystal(const Polycrystal& p, std::vector<Problem>& problems) {
     problems.push_back(
         {.path = "/polycrystal/critical_force",
          .message = "is missing",
-         .hint = "the method \"parametrized\" is calibrated from a slow loop: ferrobench fit --calibrate"});
+         .hint = "the method \"parametrized\" is calibrated from a slow loop: model.fit with calibrate"});
   if (!p.critical_force) return;
   check_branch(p.critical_force->unload, "/polycrystal/critical_force/unload", problems);
   check_branch(p.critical_force->load, "/polycrystal/critical_force/load", problems);
@@ -225,11 +224,7 @@ Model model_from_text(std::string_view text) {
 }
 
 Model model_from_file(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw Error(ErrorCode::not_found, "the model file \"" + path + "\" cannot be read");
-  std::ostringstream text;
-  text << in.rdbuf();
-  return model_from_text(text.str());
+  return model_from_text(read_text_file(path, 16u << 20, ErrorCode::bad_model, Pipes::read));
 }
 
 nlohmann::json to_json(const Model& model) {
@@ -247,6 +242,7 @@ nlohmann::json to_json(const Model& model) {
 nlohmann::json model_schema() {
   auto schema = json_schema<FileShape>();
   schema["$schema"] = "https://json-schema.org/draft/2020-12/schema";
+  schema["$id"] = "urn:ferrobench:model:1";
   schema["title"] = "ferrobench model";
   return schema;
 }

@@ -364,6 +364,7 @@ struct Simulator::State {
       const bool last = h > 0.8 * remaining;
       if (last && h < remaining) h = h > remaining / 1.2 ? remaining : remaining / 2;
       if (h >= remaining) h = remaining;
+      check_stop(options);
       if (options.most_steps > 0 && statistics.tried >= options.most_steps)
         throw Error(ErrorCode::numerical, "the model wants more than " + std::to_string(options.most_steps) +
                                               " steps by t = " + std::to_string(material.time) + " s");
@@ -396,6 +397,11 @@ struct Simulator::State {
     next_step = step;
   }
 };
+
+void check_stop(const SimulationOptions& options) {
+  if (options.stop != nullptr && (*options.stop)())
+    throw Error(ErrorCode::cancelled, "the simulation was stopped");
+}
 
 Simulator::Simulator(const Model& model, const SimulationOptions& options)
     : state_(std::make_unique<State>(model, options)) {}

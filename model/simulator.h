@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -20,7 +21,12 @@ struct SimulationOptions {
       0;  // which of the lattice's shifts; two of them compared estimate the quadrature error
   bool every_spread = false;     // of make_domains
   std::uint64_t most_steps = 0;  // after so many, rejected ones too, Error(numerical); 0: no bound
+  // Asked before every step, from whichever thread simulates: true ends it with Error(cancelled).
+  const std::function<bool()>* stop = nullptr;
 };
+
+// Throws Error(cancelled) if that is wanted.
+void check_stop(const SimulationOptions& options);
 
 // Simulated so, a model is hardly told from a specimen, which has countless domains: in holds of soft PZT
 // against a stiff spring it is 0.004 % of the range off (rms), with 1,000 domains 0.1 %, and a good bench has

@@ -326,11 +326,11 @@ std::vector<Leg> legs_of(const BenchRecording& r) {
 }
 
 // A row switches where the model's charge moves clearly more than permittivity alone would have it.
-void set_stretches(BenchRecording& r, const Model& model) {
+void set_stretches(BenchRecording& r, const Model& model, const SimulationOptions& roughly) {
   auto with_charge = r;
   with_charge.channels = {{.channel = Channel::charge, .value = std::vector<double>(r.time.size())},
                           {.channel = Channel::field, .value = std::vector<double>(r.time.size())}};
-  const auto simulated = simulate_bench(model, with_charge, {.tolerance = 1e-3});
+  const auto simulated = simulate_bench(model, with_charge, roughly);
   const auto m = model_for(model, r.header);
   const double reversible = 2 * std::max(model.material.permittivity_180, model.material.permittivity_90) *
                             m.actuator.area * static_cast<double>(m.actuator.layer_count);
@@ -366,8 +366,8 @@ void set_stretches(BenchRecording& r, const Model& model) {
 }
 
 // What would make every comparison meaningless: a sign or a unit that is wrong.
-void check_scale(const BenchRecording& r, const Model& model) {
-  const auto simulated = simulate_bench(model, r, {.tolerance = 1e-3});
+void check_scale(const BenchRecording& r, const Model& model, const SimulationOptions& roughly) {
+  const auto simulated = simulate_bench(model, r, roughly);
   for (std::size_t c = 0; c < r.channels.size(); ++c) {
     const auto& m = r.channels[c];
     double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0, n = 0;
@@ -429,11 +429,14 @@ const MeasuredChannel* BenchRecording::find(Channel channel) const {
 }
 
 std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedRecording>& recordings,
-                                    std::size_t rows, std::vector<std::string>& warnings) {
+                                    std::size_t rows, std::vector<std::string>& warnings,
+                                    const std::function<bool()>* stop) {
+  const SimulationOptions roughly{.tolerance = 1e-3, .stop = stop};
   if (recordings.empty()) throw Error(ErrorCode::invalid_params, "there is no recording to learn from");
   std::set<std::string> names;
   std::vector<BenchRecording> out;
   for (const auto& [name, r] : recordings) {
+    check_stop(roughly);
     if (!names.insert(name).second)
       throw Error(ErrorCode::invalid_params, "two recordings have the same name",
                   Problem{.path = "/recordings", .message = "stands here twice", .given = name});
@@ -455,8 +458,8 @@ std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedR
     if (b.channels.empty())
       refuse(name, "/entry/data", "has no channel that says anything of the actuator",
              "charge, displacement or force is needed");
-    set_stretches(b, model);
-    check_scale(b, model);
+    set_stretches(b, model, roughly);
+    check_scale(b, model, roughly);
     out.push_back(std::move(b));
   }
   return out;

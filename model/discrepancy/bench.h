@@ -59,8 +59,10 @@ struct BenchRecording {
 
 // The recordings in the order given, with about `rows` rows together. What was left out and why goes to
 // `warnings`. Throws Error(bad_recording) that names the recording if one cannot be compared with anything.
+// `stop` as in SimulationOptions.
 std::vector<BenchRecording> prepare(const Model& model, const std::vector<NamedRecording>& recordings,
-                                    std::size_t rows, std::vector<std::string>& warnings);
+                                    std::size_t rows, std::vector<std::string>& warnings,
+                                    const std::function<bool()>* stop = nullptr);
 
 // The model as it stands for one recording, and what it says at the recording's rows, in the order of its
 // channels. Throws Error(numerical) if the model cannot be solved. `statistics`: what it took, if wanted.

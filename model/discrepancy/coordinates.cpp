@@ -140,15 +140,16 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
     // A frequency is known far better than any other shape.
     c.scale = linear ? 0.3 * std::abs(values[i]) : p.name == "frequency" ? 1e-4 : i == 0 ? 0.3 : 0.5;
     if (linear) {
-      c.low = -(10 * p.high + std::abs(values[i])) / c.scale;
-      c.high = -c.low;
+      const double farthest_value = std::min(10.0, h.reach) * p.high;
+      c.low = (-farthest_value - values[i]) / c.scale;
+      c.high = (farthest_value - values[i]) / c.scale;
     } else {
       const double reach = p.name == "frequency" ? 1 : i == 0 ? h.reach : std::min(3.0, h.reach);
       c.low = std::log(p.low / reach / std::abs(values[i])) / c.scale;
       c.high = std::log(p.high * reach / std::abs(values[i])) / c.scale;
-      c.low = std::min(c.low, -1.0);
-      c.high = std::max(c.high, 1.0);
     }
+    c.low = std::min(c.low, -1.0);
+    c.high = std::max(c.high, 1.0);
     out.coordinates.push_back(c);
   }
   out.model.effects.push_back(std::move(setting));

@@ -103,10 +103,11 @@ LeftOut left_out(const RecordingMisfit& misfit, const std::vector<double>& base,
 // does not explain.
 std::set<std::size_t> learn(Session& s, const Model& base, const std::vector<const Effect*>& candidates) {
   const auto hypothesis = base_hypothesis(base, s.bench);
-  auto fine_options = fine_simulation;
+  auto fine_options = stoppable(fine_simulation, s.options);
   fine_options.every_spread = adds_a_spread(base, candidates);
-  RecordingMisfit misfit(s.bench, s.noise, s.train, {}, s.threads);
+  RecordingMisfit misfit(s.bench, s.noise, s.train, stoppable({}, s.options), s.threads);
   RecordingMisfit fine(s.bench, s.noise, s.train, fine_options, s.threads);
+  s.tick("choosing how finely to simulate", 0.01);
   choose_simulations(misfit, fine, hypothesis, most_domains, s.out.health);
   const auto found =
       search(misfit, fine, hypothesis,
@@ -172,7 +173,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   s.tick("reading the recordings", 0);
   const auto candidates = candidates_of(base, options.candidates);
   for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
-  s.bench = prepare(base, recordings, rows_together, s.out.health.warnings);
+  s.bench = prepare(base, recordings, rows_together, s.out.health.warnings, stoppable({}, options).stop);
   recordings.clear();
   s.noise = estimate_noise(s.bench, s.out.health.warnings);
   for (std::size_t r = 0; r < s.bench.size(); ++r)

@@ -136,7 +136,9 @@ struct Discovery {
   std::vector<std::string> sentences;  // the report's text, one finding each
   std::vector<Trace> traces;
   std::vector<MissingSignal> signals;  // if the verdict is unknown: where it acts, as far as that was found
-  std::vector<CellGap> cells;          // if published tables were the bench
+  std::vector<EffectEstimate>
+      doubted;                 // likewise: what would explain it, but is not to be believed (verdict.h)
+  std::vector<CellGap> cells;  // if published tables were the bench
   Health health;
 };
 
@@ -154,6 +156,8 @@ struct DiscoverOptions {
   int threads = 0;  // 0: as many as the machine has
   // Called now and then; false stops with Error(cancelled).
   std::function<bool(const DiscoverProgress&)> progress;
+  // Asked all the time, from several threads; true stops with Error(cancelled) at once, whatever goes on.
+  std::function<bool()> stop{};
 };
 
 // Throws Error(bad_recording) naming the recording if one cannot be used, Error(invalid_params) for unknown

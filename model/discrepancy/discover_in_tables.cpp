@@ -74,8 +74,9 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
 
   auto hypothesis = base_hypothesis(base, {});
   hypothesis.reach = 1;
-  TableMisfit misfit(experiments, train, {}, threads);
-  TableMisfit fine(experiments, train, fine_for_tables, threads);
+  TableMisfit misfit(experiments, train, stoppable({}, options), threads);
+  TableMisfit fine(experiments, train, stoppable(fine_for_tables, options), threads);
+  tick("choosing how finely to simulate", 0.01);
   choose_simulations(misfit, fine, hypothesis, fine_for_tables.domains, out.health);
   auto candidates = candidates_of(base, options.candidates);
   if (options.candidates.empty()) std::erase_if(candidates, of_the_bench);

@@ -42,6 +42,8 @@ nlohmann::json to_json(const Discovery& d) {
     if (verdict == d.verdict) out["verdict"] = name;
   out["explanations"] = json::array();
   for (const auto& e : d.explanations) out["explanations"].push_back(explanation(e));
+  if (!d.doubted.empty())
+    out["doubted"] = explanation({.effects = d.doubted, .probability = 0, .left_out = {}});
   out["probability_unknown"] = d.probability_unknown;
   out["probability_nothing"] = d.probability_nothing;
   out["family"] = d.family ? json(family_name(*d.family)) : json(nullptr);

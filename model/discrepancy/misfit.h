@@ -33,7 +33,12 @@ class Misfit {
   int threads() const { return threads_; }
   int simulations() const { return simulations_; }  // of the whole set
   const SimulationOptions& simulation() const { return simulation_; }
-  void simulate_by(const SimulationOptions& simulation) { simulation_ = simulation; }
+  // What may stop it stays.
+  void simulate_by(const SimulationOptions& simulation) {
+    const auto* stop = simulation_.stop;
+    simulation_ = simulation;
+    simulation_.stop = stop;
+  }
 
   // Measured less simulated. If the model cannot be solved there: rows of 1e6.
   Eigen::VectorXd residuals(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const;

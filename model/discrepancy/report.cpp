@@ -32,6 +32,25 @@ std::string percent(double probability) {
   return fmt::format("{:.0f} %", 100 * probability);
 }
 
+std::string parameter_text(const Effect& effect, const EffectEstimate::Parameter& p) {
+  for (const auto& known : effect.parameters)
+    if (known.name == p.name)
+      return fmt::format("{} = {:.4g} {} (90 %: {:.3g} to {:.3g}; plausible: {}{:.3g} to {:.3g})",
+                         readable(p.name), p.value, known.unit == "1" ? "" : std::string(known.unit), p.low,
+                         p.high, known.any_sign ? "either sign, " : "", known.low, known.high);
+  return p.name;
+}
+
+std::string doubt_sentence(const std::vector<EffectEstimate>& doubted) {
+  std::string out = "Something is missing, but what it is cannot be told.";
+  for (const auto& e : doubted) {
+    out += fmt::format(" {} would explain it", readable(e.id));
+    for (const auto& p : e.parameters) out += ", " + parameter_text(find_effect(e.id), p);
+    out += ".";
+  }
+  return out + " That is not plausible, or could as well be nothing, so nothing was added.";
+}
+
 std::string verdict_sentence(const Discovery& d) {
   switch (d.verdict) {
     case Verdict::named:
@@ -46,6 +65,7 @@ std::string verdict_sentence(const Discovery& d) {
       return out + ".";
     }
     case Verdict::unknown: {
+      if (!d.doubted.empty()) return doubt_sentence(d.doubted);
       auto out =
           fmt::format("Something is missing, but nothing in the catalogue explains it. It acts on: {}.",
                       d.family ? family_name(*d.family) : "no single place");
@@ -65,15 +85,6 @@ std::string verdict_sentence(const Discovery& d) {
 std::string place_sentence(const Excess& w) {
   return fmt::format("{}, {}, {}: the miss is {:.1f} times the noise.", w.recording,
                      recordings::channel_name(w.channel), w.segment, w.excess);
-}
-
-std::string parameter_text(const Effect& effect, const EffectEstimate::Parameter& p) {
-  for (const auto& known : effect.parameters)
-    if (known.name == p.name)
-      return fmt::format("{} = {:.4g} {} (90 %: {:.3g} to {:.3g}; plausible: {}{:.3g} to {:.3g})",
-                         readable(p.name), p.value, known.unit == "1" ? "" : std::string(known.unit), p.low,
-                         p.high, known.any_sign ? "either sign, " : "", known.low, known.high);
-  return p.name;
 }
 
 std::string gap_sentence(const std::string& on, const Gap& g) {

@@ -108,6 +108,11 @@ int threads_of(const DiscoverOptions& options) {
                              : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
+SimulationOptions stoppable(SimulationOptions simulation, const DiscoverOptions& options) {
+  if (options.stop) simulation.stop = &options.stop;
+  return simulation;
+}
+
 Ticker ticker(const DiscoverOptions& options) {
   return [&options, one = std::make_shared<std::mutex>()](const std::string& stage, double fraction) {
     const std::scoped_lock lock(*one);
@@ -209,6 +214,8 @@ void tell(const Search& s, Discovery& out) {
   if (out.verdict != Verdict::nothing_missing)
     for (const auto& [trial, probability] : s.judgement.trials)
       out.explanations.push_back({estimates(*trial), probability, {}});
+  if (out.verdict == Verdict::unknown && s.judgement.doubted != nullptr)
+    out.doubted = estimates(*s.judgement.doubted);
   if (s.best != nullptr) out.family = s.best->effects.front()->family;
   out.recalibrated = recalibrations(s.after());
   out.recalibrated_base = model_at(s.base, "Recalibrated.");

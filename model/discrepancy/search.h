@@ -9,8 +9,9 @@
 
 namespace ferrobench::model::discrepancy {
 
-// What both kinds of bench, recordings and tables, take from the options.
+// What both kinds of bench, recordings and tables, take from the options, which must outlive it.
 int threads_of(const DiscoverOptions& options);
+SimulationOptions stoppable(SimulationOptions simulation, const DiscoverOptions& options);
 // Reports progress; throws Error(cancelled) if that is wanted. `options` must outlive it.
 using Ticker = std::function<void(const std::string& stage, double fraction)>;
 Ticker ticker(const DiscoverOptions& options);

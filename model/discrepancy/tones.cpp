@@ -27,8 +27,10 @@ std::vector<double> RecordingMisfit::tones(const Eigen::VectorXd& residual, cons
   const double step = 0.3 / longest;
   const auto bins = static_cast<std::size_t>(std::min(400000.0, (range.high - range.low) / step));
   std::vector<double> power(bins, 0.0);
-  in_parallel(bins / 1000 + 1, threads(), [&](std::size_t chunk) {
-    for (std::size_t b = chunk * 1000; b < std::min(bins, (chunk + 1) * 1000); ++b) {
+  constexpr std::size_t together = 100;  // bins, between looks at whether to stop
+  in_parallel(bins / together + 1, threads(), [&](std::size_t chunk) {
+    check_stop(simulation());
+    for (std::size_t b = chunk * together; b < std::min(bins, (chunk + 1) * together); ++b) {
       const double w = 2 * std::numbers::pi * (range.low + step * static_cast<double>(b));
       // Evenly sampled stretches need one rotation a sample.
       std::complex<double> wave = 1, turn = 1;

@@ -11,6 +11,8 @@ inline constexpr double evidence_scale = 12;
 
 struct Judgement {
   Verdict verdict = Verdict::nothing_missing;
+  const Trial* doubted =
+      nullptr;  // would be enough, were it to be believed: the best of these, if none else is
   std::vector<std::pair<const Trial*, double>> trials;  // with probability, best first
   double probability_unknown = 0, probability_nothing = 0;
 };
@@ -23,5 +25,9 @@ double widening(const Fit& fit);
 
 // 90 % intervals of the parameters of a trial's effects.
 std::vector<EffectEstimate> estimates(const Trial& trial);
+
+// Whether each effect of a trial is of a plausible size and shape, and is more than nothing: its interval
+// does not reach to where the effect vanishes. What is not is never added, however well it fits.
+bool is_believable(const Trial& trial);
 
 }  // namespace ferrobench::model::discrepancy

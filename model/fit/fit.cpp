@@ -33,7 +33,11 @@ struct Cost {
     try {
       ++simulations;
       target.residuals(model_at(base, options.free, z[0]), options.simulation, residuals);
-    } catch (const Error&) {
+    } catch (const Error& e) {
+      if (e.code() == ErrorCode::cancelled) {
+        stopped = true;
+        return false;
+      }
       // Parameters for which the model cannot be solved are no place to go to.
       std::fill(residuals.begin(), residuals.end(), 1e3);
     }
@@ -109,6 +113,8 @@ FitResult fit(const Model& start, const FitTarget& target, const FitOptions& opt
     return sum;
   };
   result.cost_before = result.cost_after = progress.cost = squares(first);
+  if (result.stopped)
+    throw Error(ErrorCode::cancelled, "the fit was stopped before its first simulation ended");
 
   std::mt19937_64 random(options.seed);
   std::normal_distribution<double> normal;

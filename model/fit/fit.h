@@ -32,6 +32,8 @@ class FitTarget {
   // Names with the root mean square of their part of the residuals: "displacement_change_um" 0.2, ...
   virtual std::vector<std::pair<std::string, double>> summary(const Model& model,
                                                               const SimulationOptions& options) const = 0;
+  // What was given and says nothing, a sentence each: "loops, force never changes".
+  virtual std::vector<std::string> unused() const { return {}; }
 };
 
 // Published tables, fitted together: the logarithm of each cell's ratio, and that the displacement's creep
@@ -44,8 +46,9 @@ recordings::Comparison simulate_table(const Model& model, const std::string& tab
                                       const SimulationOptions& options,
                                       const std::map<std::string, double>& parameters = {});
 
-// Recordings: charge, displacement and force against the simulated, over each channel's range. Each is
-// simulated with its own load and specimen, under its command (its field if there is none).
+// Recordings: charge, displacement and force against the simulated, over each channel's range, where they
+// were measured. Each is simulated with its own load and specimen, under its command (its field if there is
+// none).
 std::unique_ptr<FitTarget> recording_target(std::vector<recordings::Recording> recordings);
 
 struct FitProgress {
@@ -60,8 +63,10 @@ struct FitOptions {
   int iterations = 30;  // of each start, at most
   double spread = 0.4;  // of the drawn starts, on the logistic scale
   std::uint64_t seed = 1;
-  SimulationOptions simulation;  // as everywhere else, so that what is fitted is what will be simulated
-  // Called now and then; false ends the fit with the best found.
+  // As everywhere else, so that what is fitted is what will be simulated. Its `stop` ends the fit in the
+  // middle of a simulation, with the best found before.
+  SimulationOptions simulation;
+  // Called between simulations; false ends the fit with the best found.
   std::function<bool(const FitProgress&)> progress;
 };
 
@@ -77,7 +82,7 @@ struct FitResult {
   std::vector<FittedParameter> parameters;
   double cost_before = 0, cost_after = 0;  // sums of squared residuals
   int simulations = 0;
-  bool stopped = false;  // by progress()
+  bool stopped = false;  // by progress() or stop()
 };
 
 FitResult fit(const Model& start, const FitTarget& target, const FitOptions& options);

@@ -585,6 +585,14 @@ TEST(DiscrepancyInTables, ASingleCrystalLacksASpread) {
 TEST(DiscrepancyInTables, ALinearStageLacksRate) {
   const auto found = discover_in_tables(library_model("mcl-op30-linear"), {"3.13"});
   ASSERT_TRUE(found.verdict == Verdict::named || found.verdict == Verdict::ambiguous) << text_report(found);
+  // What is added is of a plausible size, and its interval does not hold nothing.
+  for (const auto& effect : found.explanations.front().effects) {
+    const auto& size = find_effect(effect.id).parameters.front();
+    const auto& p = effect.parameters.front();
+    EXPECT_GE(std::abs(p.value), size.low) << text_report(found);
+    EXPECT_LE(std::abs(p.value), size.high) << text_report(found);
+    EXPECT_GT(p.low * p.high, 0) << text_report(found);
+  }
   EXPECT_TRUE(found.held_out.recordings.empty());  // four cells are too few to lock one away
   EXPECT_LT(squares(found.train.after), 0.2 * squares(found.train.before));
   const auto strokes = simulate_table(found.improved, "3.13", {}).cells;

@@ -118,19 +118,85 @@ TEST(FitRanges, HoldTheShippedModels) {
   }
 }
 
-TEST(FitTargets, OfARecordingPassOverGapsAndTheChargesOrigin) {
+constexpr double gap = std::numeric_limits<double>::quiet_NaN();
+
+std::vector<double> residuals_of(const FitTarget& target, const Model& m) {
+  std::vector<double> out(target.size());
+  target.residuals(m, simulation, out);
+  return out;
+}
+
+// The first and last samples, and the highest, are not needed for the others to count as much as they did.
+TEST(FitTargets, OfARecordingPassOverGaps) {
+  const auto truth = specimen(), other = moved(truth, "material.barrier", 1.1);
+  const auto whole = measured_on(truth, loop(), simulation);
+  const auto& x = whole.at(Channel::displacement);
+  const auto before = recorded(whole)->summary(other, simulation);
+  ASSERT_GT(before[1].second, 1);
+  auto r = whole;
+  auto gapped = x;
+  gapped.front() = gapped[7] = gapped.back() = gap;
+  r.set(Channel::displacement) = gapped;
+  const auto target = recorded(r);
+  ASSERT_EQ(target->size(), 3 * x.size() - 3);
+  EXPECT_THAT(residuals_of(*target, truth), testing::Each(testing::DoubleNear(0, 1e-9)));
+  const auto after = target->summary(other, simulation);
+  ASSERT_EQ(after.size(), 3u);
+  EXPECT_EQ(after[0], before[0]);
+  EXPECT_NEAR(after[1].second, before[1].second, 0.02 * before[1].second);
+  EXPECT_EQ(after[2], before[2]);
+}
+
+// What the model does at the charge's first sample is taken off, wherever that sample is.
+TEST(FitTargets, OfARecordingPassOverTheChargesOrigin) {
+  const auto truth = specimen(), other = moved(truth, "material.barrier", 1.1);
+  for (const std::size_t lost : {0, 5}) {
+    auto r = measured_on(truth, loop(), simulation);
+    auto charge = r.at(Channel::charge);
+    for (auto& q : charge) q -= r.at(Channel::charge)[lost];
+    std::fill_n(charge.begin(), lost, gap);
+    r.set(Channel::charge) = charge;
+    r.header.charge_reference = recordings::ChargeReference::first_sample;
+    const auto target = recorded(r);
+    EXPECT_THAT(residuals_of(*target, truth), testing::Each(testing::DoubleNear(0, 1e-9)));
+    EXPECT_GT(target->summary(other, simulation)[0].second, 0.1);
+    // An absolute one of the same values would be wrong by its origin.
+    r.header.charge_reference = recordings::ChargeReference::absolute;
+    EXPECT_GT(recorded(r)->summary(truth, simulation)[0].second, 1);
+  }
+}
+
+TEST(FitTargets, OfARecordingSayWhichChannelsSayNothing) {
   const auto truth = specimen();
   auto r = measured_on(truth, loop(), simulation);
-  auto displacement = r.at(Channel::displacement), charge = r.at(Channel::charge);
-  displacement[7] = std::numeric_limits<double>::quiet_NaN();
-  for (double& q : charge) q -= r.at(Channel::charge)[0];
-  r.set(Channel::displacement) = displacement;
-  r.set(Channel::charge) = charge;
-  r.header.charge_reference = recordings::ChargeReference::first_sample;
+  r.header.title = "loop";
+  r.set(Channel::charge).assign(r.size(), gap);
+  r.set(Channel::force).assign(r.size(), 12.5);
   const auto target = recorded(r);
-  std::vector<double> residuals(target->size());
-  target->residuals(truth, simulation, residuals);
-  EXPECT_THAT(residuals, testing::Each(testing::DoubleNear(0, 1e-9)));
+  EXPECT_EQ(target->size(), r.size());
+  EXPECT_THAT(target->unused(),
+              testing::ElementsAre("loop, charge has no finite value", "loop, force never changes"));
+  r.set(Channel::displacement).assign(r.size(), gap);
+  try {
+    recorded(r);
+    FAIL() << "there is nothing to fit to";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ErrorCode::bad_recording);
+    EXPECT_THAT(e.what(), testing::HasSubstr("loop, displacement has no finite value"));
+  }
+}
+
+// A fit finds its way through a recording that begins and ends in a gap.
+TEST(FitTargets, OfARecordingAreWorthFollowingThroughGaps) {
+  const auto truth = specimen();
+  auto r = measured_on(truth, loop(), simulation);
+  auto x = r.at(Channel::displacement);
+  x.front() = x.back() = gap;
+  r.channels = {r.at(Channel::command), {}, {}, x, {}};
+  const auto start = moved(truth, "material.piezoelectric_180", 1.1);
+  const auto result = fit(start, *recorded(r), freeing(truth, {"material.piezoelectric_180"}));
+  EXPECT_NEAR(result.model.material.piezoelectric_180, truth.material.piezoelectric_180,
+              2e-3 * truth.material.piezoelectric_180);
 }
 
 TEST(FitTargets, OfARecordingArePercentOfTheRange) {
