@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
@@ -102,6 +103,8 @@ class Device {
   virtual nlohmann::json model() const { return nullptr; }
   // What the output can reach.
   virtual OutputRange output_range() const = 0;
+  // The steepest change of the output that its amplifier can follow, V/m/s.
+  virtual double fastest_slew() const { return std::numeric_limits<double>::infinity(); }
   // The rate [rows/s] that the device runs at when asked for this one: its pacer has steps.
   // Throws Error(invalid_params) outside what it can do.
   virtual double scan_rate(double asked) const = 0;

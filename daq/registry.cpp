@@ -6,21 +6,33 @@
 #include "daq/virtual/virtual_device.h"
 
 namespace ferrobench::daq {
+namespace {
+
+template <class Config>
+nlohmann::json configuration_schema(const char* kind) {
+  auto schema = json_schema<Config>();
+  schema["$schema"] = "https://json-schema.org/draft/2020-12/schema";
+  schema["$id"] = std::string("urn:ferrobench:device:") + kind + ":1";
+  schema["title"] = std::string("ferrobench configuration of the device \"") + kind + "\"";
+  return schema;
+}
+
+}  // namespace
 
 std::span<const DeviceKind> device_kinds() {
   static constexpr std::array kinds{
       DeviceKind{.name = "virtual",
                  .description = "a specimen, amplifier and sensors computed by a model",
-                 .schema = [] { return json_schema<VirtualConfig>(); },
+                 .schema = [] { return configuration_schema<VirtualConfig>("virtual"); },
                  .open = VirtualDevice::open},
       DeviceKind{.name = "usb",
                  .description = "a USB-1608GX-2AO with amplifier and sensors",
-                 .schema = [] { return json_schema<usb::UsbConfig>(); },
+                 .schema = [] { return configuration_schema<usb::UsbConfig>("usb"); },
                  .open = usb::UsbDevice::open,
                  .keeps_output = true},
       DeviceKind{.name = "replay",
                  .description = "a recording played again, as it was measured",
-                 .schema = [] { return json_schema<ReplayConfig>(); },
+                 .schema = [] { return configuration_schema<ReplayConfig>("replay"); },
                  .open = ReplayDevice::open},
   };
   return kinds;
@@ -35,6 +47,7 @@ std::unique_ptr<Device> open_device(std::string_view name, const nlohmann::json&
   const auto guess = nearest_name(name, names);
   throw Error(ErrorCode::not_found, "there is no such device",
               Problem{.path = "/device",
+                      .message = "is no kind of device, and none that is open",
                       .given = name,
                       .allowed = names,
                       .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"});

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <sstream>
 
 #include "daq/guard/reverse_time.h"
+#include "daq/program_problems.h"
 
 namespace ferrobench::daq {
 
@@ -41,7 +43,11 @@ Extremes extremes(const Piece& piece) {
 class Checker {
  public:
   Checker(const protocols::SampledWaveform& program, const Limits& limits)
-      : program_(program), limits_(limits), slack_(1e-9 * (limits.field_max - limits.field_min)) {}
+      : program_(program),
+        limits_(limits),
+        unit_(program.waveform().unit()),
+        slack_(1e-9 * (limits.field_max - limits.field_min)),
+        out_(program.waveform()) {}
 
   std::vector<Problem> run() {
     const auto pieces = program_.waveform().pieces();
@@ -53,40 +59,44 @@ class Checker {
       slew(i, pieces[i].max_slew() * pieces[i].duration / duration);
       reverse(i, reversed(pieces[i], duration));
     }
-    return std::move(out_);
+    return out_.take();
   }
 
  private:
-  void report(std::size_t i, const char* what, std::string message, const nlohmann::json& given,
-              const nlohmann::json& allowed, const char* unit, std::string hint) {
-    const auto segments = program_.waveform().segments();
-    const auto label = i < segments.size() ? " in \"" + segments[i].label + "\"" : std::string{};
-    out_.push_back({.path = "/segments/" + std::to_string(i) + "/" + what,
-                    .message = std::move(message) + label,
-                    .given = given,
-                    .allowed = allowed,
-                    .unit = unit,
-                    .hint = std::move(hint)});
-  }
-
   void field(std::size_t i, const Extremes& e) {
     // Written so that a NaN fails.
     if (!(e.high <= limits_.field_max + slack_) || !(e.low >= limits_.field_min - slack_)) {
       const bool high = !(e.high <= limits_.field_max + slack_);
-      report(i, "level", high ? "the field rises above the limit" : "the field falls below the limit",
-             high ? e.high : e.low, {{"from", limits_.field_min}, {"to", limits_.field_max}}, "V/m",
-             "lower the level, or set limits that the specimen allows");
+      out_.add(i, high ? e.high - limits_.field_max : limits_.field_min - e.low,
+               {.path = "level",
+                .message = high ? "the field rises above the limit" : "the field falls below the limit",
+                .given = unit_.level(high ? e.high : e.low),
+                .allowed = {{"from", unit_.level(limits_.field_min)}, {"to", unit_.level(limits_.field_max)}},
+                .unit = unit_.name,
+                .hint = "lower the level, or set limits that the specimen allows by limits.set"});
     }
   }
 
   void jump(std::size_t i, double step) {
-    if (!(step <= slack_)) report(i, "start", "the field jumps", step, 0, "V/m", "join the levels by a ramp");
+    if (!(step <= slack_))
+      out_.add(i, step,
+               {.path = "start",
+                .message = "the field jumps",
+                .given = unit_.level(step),
+                .allowed = 0,
+                .unit = unit_.name,
+                .hint = "join the levels by a ramp"});
   }
 
   void slew(std::size_t i, double given) {
     if (!(given <= limits_.slew * (1 + 1e-9)))
-      report(i, "rate", "the field changes too fast", given, limits_.slew, "V/m/s",
-             "lower the rate or the frequency, or sample fast enough to resolve the segment");
+      out_.add(i, given,
+               {.path = "rate",
+                .message = "the field changes too fast",
+                .given = unit_.level(given),
+                .allowed = {{"to", unit_.level(limits_.slew)}},
+                .unit = unit_.rate_name(),
+                .hint = "lower the rate or the frequency, or sample fast enough to resolve the segment"});
   }
 
   double reversed(const Piece& piece, double duration) {
@@ -100,22 +110,34 @@ class Checker {
     return longest;
   }
 
-  // One excursion is one problem, at the segment where it passes the limit.
+  // One excursion is one problem, at the segment where it goes beyond the limit.
   void reverse(std::size_t i, double time) {
     const bool over = !(time <= limits_.reverse_field_time * (1 + 1e-9));
     if (over && !reported_)
-      report(i, "level", "the field stays reversed for too long", time, limits_.reverse_field_time, "s",
-             "shorten the holds below " + nlohmann::json(limits_.reverse_field_threshold).dump() +
-                 " V/m, or raise reverse_field_time");
+      out_.add(i, time,
+               {.path = "level",
+                .message = "the field stays reversed for too long",
+                .given = time,
+                .allowed = {{"to", limits_.reverse_field_time}},
+                .unit = "s",
+                .hint = "shorten the holds below " + in_words(limits_.reverse_field_threshold) +
+                        ", or raise reverse_field_time by limits.set"});
     reported_ = over;
+  }
+
+  std::string in_words(double field) const {
+    std::ostringstream text;
+    text << unit_.level(field) << ' ' << unit_.name;
+    return text.str();
   }
 
   const protocols::SampledWaveform& program_;
   const Limits& limits_;
+  const protocols::LevelUnit& unit_;
   double slack_;
   ReverseTimer reverse_;
   bool reported_ = false;
-  std::vector<Problem> out_;
+  ProgramProblems out_;
 };
 
 }  // namespace

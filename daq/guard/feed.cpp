@@ -16,6 +16,7 @@ std::string_view end_name(End end) {
 Feed::Feed(protocols::SampledWaveform program, const Limits& limits)
     : program_(std::move(program)),
       limits_(limits),
+      stop_slew_(limits.stop_slew),
       limiter_(limits, program_.rate(), program_.value(0)),
       commands_{program_.value(0)} {}
 
@@ -25,8 +26,7 @@ bool Feed::over() const {
 
 std::uint64_t Feed::expected() const {
   if (!stopping()) return program_.size() + waited_;
-  return issued_ +
-         static_cast<std::uint64_t>(std::ceil(std::abs(limiter_.level()) / limits_.stop_slew * rate()));
+  return issued_ + static_cast<std::uint64_t>(std::ceil(std::abs(limiter_.level()) / stop_slew_ * rate()));
 }
 
 LinearPiece Feed::next(std::uint64_t max_samples) {
@@ -77,7 +77,7 @@ LinearPiece Feed::program_piece(std::uint64_t max_samples) {
 
 LinearPiece Feed::stop_piece(std::uint64_t max_samples) {
   const double level = limiter_.level();
-  const double step = limits_.stop_slew / rate();
+  const double step = stop_slew_ / rate();
   const double needed = std::ceil(std::abs(level) / step);
   if (needed <= static_cast<double>(max_samples)) return {.samples = static_cast<std::uint64_t>(needed)};
   return {.samples = max_samples,
@@ -123,7 +123,14 @@ void Feed::stop(End end, const std::string& reason) {
   reason_ = reason;
   pause_wanted_ = paused_ = false;
   say(end == End::stopped ? "stop" : end_name(end), reason);
-  open_segment({.kind = "ramp", .label = "safe stop", .level = 0, .rate = limits_.stop_slew});
+  open_segment({.kind = "ramp", .label = "safe stop", .level = 0, .rate = stop_slew_});
+}
+
+void Feed::hasten(double slew) {
+  if (!stopping() || over() || !(slew > stop_slew_)) return;
+  stop_slew_ = slew;
+  say("stop", "asked for again: the rest of the way to zero goes faster");
+  open_segment({.kind = "ramp", .label = "hastened stop", .level = 0, .rate = stop_slew_});
 }
 
 // A segment starts with the last row of the one before, where both have the same level.

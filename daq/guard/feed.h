@@ -28,6 +28,8 @@ class Feed final : public LevelSource {
   void resume();
   // From the next piece on the output goes to zero at stop_slew. The first reason stands.
   void stop(End end, const std::string& reason);
+  // A stop under way goes on at this slew [V/m/s] if that is faster.
+  void hasten(double slew);
 
   bool pausing() const { return pause_wanted_ && !paused_; }
   bool paused() const { return paused_; }
@@ -56,6 +58,7 @@ class Feed final : public LevelSource {
 
   protocols::SampledWaveform program_;
   Limits limits_;
+  double stop_slew_;
   Limiter limiter_;
   ReverseTimer reverse_;
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "daq/guard/check.h"
+#include "daq/not_at_zero.h"
 
 namespace ferrobench::daq {
 
@@ -41,6 +42,7 @@ double time_of(std::uint64_t row, double rate) {
 Guard::Guard(Device& device, const Limits& limits, Interlock interlock)
     : device_(device),
       limits_(within(limits, device.output_range())),
+      fastest_stop_(std::max(limits_.stop_slew, std::min(limits_.slew, device.fastest_slew()))),
       interlock_(std::move(interlock)),
       columns_(device.columns().size()),
       trips_(limits_, device.columns()) {}
@@ -51,9 +53,7 @@ Guard::~Guard() {
 
 void Guard::release() noexcept {
   if (std::exchange(released_, true) || outcome_.output_at_zero) return;
-  const bool safe = make_safe();
-  const std::scoped_lock lock(mutex_);
-  outcome_.output_at_zero = safe;
+  make_safe();
 }
 
 bool Guard::interlock_closed() const {
@@ -74,7 +74,7 @@ void Guard::demand_fresh() {
 
 void Guard::go_to(double level, double slew) {
   if (!(level >= limits_.field_min && level <= limits_.field_max))
-    throw Error(ErrorCode::limit_exceeded, "the level is past a limit",
+    throw Error(ErrorCode::limit_exceeded, "the level is beyond a limit",
                 Problem{.path = "/level",
                         .message = "is outside the field limits",
                         .given = level,
@@ -103,7 +103,7 @@ void Guard::start(protocols::SampledWaveform program) {
   demand_interlock();
   if (program.size() == 0) throw Error(ErrorCode::bad_protocol, "the program has no samples");
   if (auto found = check(program, limits_); !found.empty())
-    throw Error(ErrorCode::limit_exceeded, "the program would pass a limit", std::move(found));
+    throw Error(ErrorCode::limit_exceeded, "the program goes beyond a limit", std::move(found));
   if (auto found = device_.problems(program); !found.empty())
     throw Error(ErrorCode::limit_exceeded, "the device cannot play the program", std::move(found));
   const double first = program.value(0);
@@ -123,6 +123,7 @@ void Guard::start(protocols::SampledWaveform program) {
     const std::scoped_lock lock(mutex_);
     feed_.emplace(std::move(program), limits_);
     if (stop_wanted_) feed_->stop(End::stopped, *stop_wanted_);
+    if (hastened_) feed_->hasten(fastest_stop_);
   }
   try {
     device_.start(rate, *this);
@@ -230,31 +231,36 @@ bool Guard::finish(End end, std::string reason, SampleBlock& block) {
     feed_->take_events(block.events);
     if (end == End::fault) block.events.push_back({time_of(rows_read_, feed_->rate()), "fault", reason});
   }
-  const bool safe = make_safe();
+  make_safe();
   const std::scoped_lock lock(mutex_);
   outcome_.reason = std::move(reason);
-  outcome_.output_at_zero = safe;
-  if (!safe)
-    block.events.push_back(
-        {time_of(rows_read_, feed_->rate()), "fault", "the output could not be brought to zero"});
+  if (!outcome_.warning.empty())
+    block.events.push_back({time_of(rows_read_, feed_->rate()), "fault", outcome_.warning});
   return block.rows > 0 || !block.events.empty();
 }
 
 // A driver that fails once may still obey the next time; one that never obeys is reported by the outcome.
-bool Guard::make_safe() noexcept {
-  for (int attempt = 0; attempt < 3; ++attempt) {
+void Guard::make_safe() noexcept {
+  constexpr int attempts = 3;
+  std::string why = "the device does not say that it is";
+  bool safe = false;
+  for (int attempt = 0; attempt <= attempts && !safe; ++attempt) {
     try {
-      if (device_.output() == 0) return true;
-      device_.go_to(0, limits_.stop_slew);
+      double here = device_.output();
+      safe = here == 0;
+      // In steps, so that it can be hastened. An output that is nowhere goes straight to zero.
+      while (here != 0 && attempt < attempts) {
+        const double slew = stop_slew(), step = slew * go_to_step;
+        here = std::abs(here) > step ? here - std::copysign(step, here) : 0;
+        device_.go_to(here, slew);
+      }
     } catch (...) {
-      continue;
+      why = current_failure();
     }
   }
-  try {
-    return device_.output() == 0;
-  } catch (...) {
-    return false;
-  }
+  const std::scoped_lock lock(mutex_);
+  outcome_.output_at_zero = safe;
+  outcome_.warning = safe ? "" : not_at_zero(why);
 }
 
 void Guard::pause() {
@@ -277,6 +283,17 @@ void Guard::stop(const std::string& reason) {
   } else if (outcome_.end == End::none) {
     feed_->stop(End::stopped, reason);
   }
+}
+
+void Guard::hasten() {
+  const std::scoped_lock lock(mutex_);
+  hastened_ = true;
+  if (feed_) feed_->hasten(fastest_stop_);
+}
+
+double Guard::stop_slew() const {
+  const std::scoped_lock lock(mutex_);
+  return hastened_ ? fastest_stop_ : limits_.stop_slew;
 }
 
 Progress Guard::progress() const {

@@ -29,6 +29,7 @@ struct Outcome {
   End end = End::none;
   std::string reason;  // empty if complete
   bool output_at_zero = false;
+  std::string warning{};  // what to do if it is not
 };
 
 struct Progress {
@@ -72,6 +73,8 @@ class Guard final : private LevelSource {
   void resume();
   // Leaves the program: the output ramps to zero at stop_slew, with samples, and read() then ends.
   void stop(const std::string& reason);
+  // Whatever is on its way to zero, now or later, goes as fast as the limits and the amplifier allow.
+  void hasten();
 
   Progress progress() const;
   Outcome outcome() const;
@@ -88,10 +91,12 @@ class Guard final : private LevelSource {
   std::string fault_in(SampleBlock& block);
   void account(SampleBlock& block);
   bool finish(End end, std::string reason, SampleBlock& block);
-  bool make_safe() noexcept;
+  double stop_slew() const;
+  void make_safe() noexcept;
 
   Device& device_;
   Limits limits_;
+  double fastest_stop_;  // V/m/s
   Interlock interlock_;
   std::size_t columns_;
   Trips trips_;
@@ -101,6 +106,7 @@ class Guard final : private LevelSource {
   Outcome outcome_;
   std::optional<std::string> stop_wanted_;  // before there was a feed to tell
   std::uint64_t rows_read_ = 0;
+  bool hastened_ = false;
   int silent_reads_ = 0;
   bool released_ = false;
   BlockStatus last_status_ = BlockStatus::ok;

@@ -1,5 +1,5 @@
-// The last line before the output: whatever is asked for, no level passes the field limits and no way to it
-// is steeper than the slew limit.
+// The last line before the output: whatever is asked for, no level goes beyond the field limits and no way to
+// it is steeper than the slew limit.
 #pragma once
 
 #include "daq/device.h"

@@ -1,5 +1,7 @@
 #include "daq/guard/limits.h"
 
+#include <algorithm>
+
 namespace ferrobench::daq {
 
 std::vector<Problem> problems(const Limits& limits) {
@@ -7,8 +9,8 @@ std::vector<Problem> problems(const Limits& limits) {
   Limits checked;
   read_json(write_json(limits), checked, "", out);
 
-  const auto demand = [&out](bool fine, const char* path, const char* message, double given, double bound,
-                             const char* unit, const char* hint) {
+  const auto demand = [&out](bool fine, const char* path, const char* message, double given,
+                             const nlohmann::json& bound, const char* unit, const char* hint) {
     if (!fine)
       out.push_back(
           {.path = path, .message = message, .given = given, .allowed = bound, .unit = unit, .hint = hint});
@@ -17,6 +19,10 @@ std::vector<Problem> problems(const Limits& limits) {
          limits.field_min, "V/m", "the range holds zero, the safe state, and something to play");
   demand(limits.stop_slew <= limits.slew, "/stop_slew", "must not be above slew", limits.stop_slew,
          limits.slew, "V/m/s", "a safe stop is no steeper than the rest");
+  const double farthest = std::max(-limits.field_min, limits.field_max);
+  demand(farthest <= limits.stop_slew * limits.stop_time * (1 + 1e-9), "/stop_slew",
+         "is too slow: a stop from the largest field would take longer than stop_time", limits.stop_slew,
+         {{"from", farthest / limits.stop_time}}, "V/m/s", "raise stop_slew, or lower the field limits");
   demand(limits.displacement_min < limits.displacement_max, "/displacement_max",
          "must be above displacement_min", limits.displacement_max, limits.displacement_min, "m", "");
   demand(limits.force_min < limits.force_max, "/force_max", "must be above force_min", limits.force_max,

@@ -7,13 +7,17 @@
 
 namespace ferrobench::daq {
 
+// Nobody waits longer than this for the output to be at zero, unless the amplifier can do no better.
+inline constexpr double usual_stop_time = 10;  // s
+
 // The defaults let every shipped experiment run on every shipped specimen (100 um layers, up to 150 V, 20
 // mm), and little more. Zero field is the safe state, so the field range always holds it.
 struct Limits {
   double field_min = -1.6e6;  // V/m
   double field_max = 1.6e6;   // V/m
   double slew = 1e8;          // V/m/s; the fastest shipped experiment asks for 5e7
-  double stop_slew = 1e6;     // V/m/s of every way back to zero: 1.5 s from full field, no shock to the stack
+  double stop_slew = 1e6;     // V/m/s of every way back to zero: 1.6 s from full field, no shock to the stack
+  double stop_time = usual_stop_time;  // s; the way back may never take longer, whatever is changed
   // Below the threshold the specimen depoles; it may stay there for the time, in one go.
   double reverse_field_threshold = -2e5;  // V/m
   double reverse_field_time = 300;        // s
@@ -42,7 +46,14 @@ void describe(Visitor& visit, Limits& l) {
          .min = 0,
          .max = 1e12,
          .exclusive_min = true,
-         .doc = "slew of every way back to zero"});
+         .doc = "slew of every way back to zero; a second stop goes at slew"});
+  visit("stop_time", l.stop_time,
+        {.unit = "s",
+         .min = 0,
+         .max = 120,
+         .exclusive_min = true,
+         .doc = "longest way back to zero, from the largest field at stop_slew; more than 10 s is for an "
+                "amplifier that is slower, and limits.set then wants the reason"});
   visit("reverse_field_threshold", l.reverse_field_threshold,
         {.unit = "V/m", .min = -1e9, .max = 0, .doc = "a field below this counts as reverse"});
   visit("reverse_field_time", l.reverse_field_time,
@@ -54,7 +65,7 @@ void describe(Visitor& visit, Limits& l) {
   visit("force_min", l.force_min, {.unit = "N", .doc = "measured, below it the run stops"});
   visit("force_max", l.force_max, {.unit = "N", .doc = "measured, above it the run stops"});
   visit("monitor_margin", l.monitor_margin,
-        {.min = 0, .max = 1, .doc = "share of the field range by which the measured field may pass it"});
+        {.min = 0, .max = 1, .doc = "share of the field range by which the measured field may go beyond it"});
 }
 
 // Everything wrong with the values themselves, by the ranges above and against each other.

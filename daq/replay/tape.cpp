@@ -171,6 +171,8 @@ Limits Tape::limits(Limits bench) const {
       l.force_max = std::max(l.force_max, full);
     }
   }
+  l.stop_slew = std::max(l.stop_slew, std::max(-l.field_min, l.field_max) / l.stop_time);
+  l.slew = std::max(l.slew, l.stop_slew);
   return l;
 }
 
@@ -183,8 +185,9 @@ Tape::Closing Tape::closing(const Guard& guard) const {
   const auto& r = recording_;
   // A recording that was still being written is one that has been recovered, once it is copied.
   if (outcome.end == End::complete)
-    return {
-        .status = r.status == "running" ? "recovered" : r.status, .reason = r.reason, .segments = r.segments};
+    return {.status = recordings::is_open(r.status) ? "recovered" : r.status,
+            .reason = r.reason,
+            .segments = r.segments};
   Closing out{.status = "aborted", .reason = outcome.reason, .segments = {}};
   auto played = guard.segments();
   const auto left =

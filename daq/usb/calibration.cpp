@@ -13,8 +13,8 @@ namespace {
 constexpr std::uint16_t input_address = 0x7000;
 constexpr std::uint16_t output_address = 0x7080;
 constexpr double half_scale = 32768;  // codes
-constexpr double largest_slope_error = 0.1;
-constexpr double largest_offset = 0.1 * 65536;  // codes
+constexpr double smallest_slope = 0.9, largest_slope = 1.2;
+constexpr double largest_offset = 10'000;  // codes
 
 std::string address_text(unsigned address) {
   std::array<char, 16> text{};
@@ -37,11 +37,11 @@ std::vector<Problem> read_pairs(Unit& unit, std::uint16_t address, std::span<Cod
     const float slope = load_float(std::span(bytes).subspan(at, 4));
     const float offset = load_float(std::span(bytes).subspan(at + 4, 4));
     // Written so that a NaN fails.
-    if (!(std::abs(slope - 1) <= largest_slope_error))
+    if (!(slope >= static_cast<float>(smallest_slope) && slope <= static_cast<float>(largest_slope)))
       problems.push_back({.path = "/eeprom/" + address_text(address + static_cast<unsigned>(at)),
                           .message = "is no slope of a converter",
                           .given = number_or_text(slope),
-                          .allowed = {{"from", 1 - largest_slope_error}, {"to", 1 + largest_slope_error}}});
+                          .allowed = {{"from", smallest_slope}, {"to", largest_slope}}});
     if (!(std::abs(offset) <= largest_offset))
       problems.push_back({.path = "/eeprom/" + address_text(address + static_cast<unsigned>(at) + 4),
                           .message = "is no offset of a converter",
@@ -70,6 +70,13 @@ std::uint16_t Calibration::code(int output_channel, double volts) const {
 double Calibration::output_volts(int output_channel, double code) const {
   const auto& c = output.at(static_cast<std::size_t>(output_channel));
   return ((code - c.offset) / c.slope - half_scale) / half_scale * output_full_scale;
+}
+
+VoltRange Calibration::output_reach(int output_channel) const {
+  // As with any converter of two's complement the full scale itself is one code short.
+  constexpr double codes = 2 * half_scale;
+  return {.low = std::max(-output_full_scale, output_volts(output_channel, 0)),
+          .high = std::min(output_full_scale, output_volts(output_channel, codes))};
 }
 
 Calibration read_calibration(Unit& unit) {

@@ -18,6 +18,10 @@ struct CodeCorrection {
   double offset = 0;  // codes
 };
 
+struct VoltRange {
+  double low = 0, high = 0;  // V
+};
+
 struct Calibration {
   std::array<CodeCorrection, range_count> input{};
   std::array<CodeCorrection, 2> output{};
@@ -26,12 +30,14 @@ struct Calibration {
   // Clamped to what the converter has; a NaN becomes 0 V.
   std::uint16_t code(int output_channel, double volts) const;
   double output_volts(int output_channel, double code) const;  // the other way round
+  // What an output reaches, V: within its full scale, and within the codes that the converter has.
+  VoltRange output_reach(int output_channel) const;
 };
 
 inline constexpr double output_full_scale = 10;  // V
 
-// Throws Error(device_unavailable) that names address and value if a factor cannot be true: not a number, a
-// slope off by more than 10 %, an offset of more than 10 % of the codes.
+// Throws Error(device_unavailable) that names address and value if a factor cannot be true: not a number, or
+// outside what the vendor's own calibration stores, slopes of 0.9 to 1.2 and offsets of +-10,000 codes.
 Calibration read_calibration(Unit& unit);
 nlohmann::json to_json(const Calibration& calibration);
 

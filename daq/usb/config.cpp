@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 
+#include "daq/guard/limits.h"
 #include "daq/usb/calibration.h"
+#include "protocols/common/text_file.h"
 
 namespace ferrobench::daq::usb {
 
@@ -145,6 +145,11 @@ class Checker {
              {{"from", needed}}, "choose a larger range", "V");
     if (a.stop_slew > a.slew_limit)
       report("/amplifier/stop_slew", "is above slew_limit", a.stop_slew, {{"to", a.slew_limit}}, "", "V/s");
+    const double full = std::max(-a.voltage_min, a.voltage_max);
+    const double slowest = std::min(a.slew_limit, full / usual_stop_time);
+    if (a.stop_slew > 0 && a.stop_slew < slowest * (1 - 1e-9))
+      report("/amplifier/stop_slew", "would keep the voltage up for longer than 10 s", a.stop_slew,
+             {{"from", slowest}}, "raise it, or leave it out: 1 s from full voltage", "V/s");
     // DIO0 is the trigger's.
     const bool triggered = config_.start.mode == StartMode::trigger;
     for (const auto& [name, bit] :
@@ -175,12 +180,9 @@ UsbConfig usb_config_from_json(const nlohmann::json& json) {
 }
 
 nlohmann::json load_json(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  const std::string text(std::istreambuf_iterator<char>(file), {});
-  if (!file.is_open() || file.bad() || text.empty())
-    throw Error(ErrorCode::io_error, "the device's configuration cannot be read",
-                Problem{.path = "/device_config", .given = path, .hint = "name a JSON file"});
-  auto json = parse_json_text(text, ErrorCode::invalid_params, "the device's configuration", 1u << 20);
+  constexpr std::size_t most_bytes = 1u << 20;
+  const auto text = read_text_file(path, most_bytes, ErrorCode::invalid_params, Pipes::read);
+  auto json = parse_json_text(text, ErrorCode::invalid_params, "the device's configuration", most_bytes);
   if (json.is_object() && json.contains("fpga_image") && json["fpga_image"].is_string()) {
     const auto& image = json["fpga_image"].get_ref<const std::string&>();
     if (!image.empty())

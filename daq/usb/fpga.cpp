@@ -3,7 +3,9 @@
 #include <openssl/evp.h>
 
 #include <array>
-#include <fstream>
+#include <span>
+
+#include "protocols/common/text_file.h"
 
 namespace ferrobench::daq::usb {
 
@@ -27,8 +29,24 @@ std::string source_of(const ProductModel& model) {
   return "the image for this " + std::string(model.name) + " has " + std::to_string(model.fpga_bytes) +
          " bytes, SHA-256 " + std::string(model.fpga_sha256) + "; it is the file fpga/" +
          std::string(model.fpga_file) +
-         " of the vendor's open-source library uldaq (github.com/mccdaq/uldaq); keep a copy and name it in "
-         "fpga_image";
+         " of the vendor's open-source library uldaq at its tag v1.1.2 (github.com/mccdaq/uldaq; later "
+         "versions "
+         "do not have the file any more); keep a copy and name it in fpga_image";
+}
+
+std::vector<std::byte> bytes_of(const std::string& path, const ProductModel& model) {
+  constexpr std::size_t most_bytes = 1u << 26;  // of any file that could be taken for one
+  try {
+    const auto text = read_text_file(path, most_bytes, ErrorCode::invalid_params);
+    const auto bytes = std::as_bytes(std::span(text));
+    return {bytes.begin(), bytes.end()};
+  } catch (const Error& error) {
+    throw Error(ErrorCode::io_error, "the FPGA image cannot be read",
+                Problem{.path = "/fpga_image",
+                        .message = error.problems().empty() ? error.message() : error.problems()[0].message,
+                        .given = path,
+                        .hint = source_of(model)});
+  }
 }
 
 }  // namespace
@@ -37,22 +55,15 @@ std::vector<std::byte> read_fpga_image(const std::string& path, const ProductMod
   if (path.empty())
     throw Error(ErrorCode::invalid_params, "the unit needs its FPGA image and the configuration names none",
                 Problem{.path = "/fpga_image", .message = "is missing", .hint = source_of(model)});
-  std::ifstream file(path, std::ios::binary);
-  std::vector<std::byte> image(model.fpga_bytes + 1);  // one more shows a file that is too long
-  if (file) file.read(reinterpret_cast<char*>(image.data()), static_cast<std::streamsize>(image.size()));
-  const auto size = static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0));
-  if (!file.is_open() || file.bad() || size == 0)
-    throw Error(ErrorCode::io_error, "the FPGA image cannot be read",
-                Problem{.path = "/fpga_image", .given = path, .hint = source_of(model)});
-  if (size != model.fpga_bytes)
+  const auto image = bytes_of(path, model);
+  if (image.size() != model.fpga_bytes)
     throw Error(ErrorCode::invalid_params, "the file is not the FPGA image of this unit",
                 Problem{.path = "/fpga_image",
-                        .message = size > model.fpga_bytes ? "is too long" : "is too short",
+                        .message = image.size() > model.fpga_bytes ? "is too long" : "is too short",
                         .given = path,
                         .allowed = model.fpga_bytes,
                         .unit = "bytes",
                         .hint = source_of(model)});
-  image.resize(size);
   if (const auto found = sha256(image); found != model.fpga_sha256)
     throw Error(ErrorCode::invalid_params, "the file is not the FPGA image of this unit",
                 Problem{.path = "/fpga_image",

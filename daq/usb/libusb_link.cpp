@@ -83,6 +83,11 @@ LibusbLink::~LibusbLink() {
   libusb_close(handle_);
 }
 
+std::size_t LibusbLink::packet_bytes(std::uint8_t endpoint) const {
+  return static_cast<std::size_t>(
+      std::max(0, libusb_get_max_packet_size(libusb_get_device(handle_), endpoint)));
+}
+
 LinkStatus LibusbLink::control_out(const ControlRequest& r, std::span<const std::byte> data,
                                    std::chrono::milliseconds timeout) {
   std::vector<unsigned char> copy(data.size());

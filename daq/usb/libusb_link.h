@@ -29,6 +29,7 @@ class LibusbLink final : public Link {
   LibusbLink& operator=(const LibusbLink&) = delete;
 
   DeviceId id() const override { return id_; }
+  std::size_t packet_bytes(std::uint8_t endpoint) const override;
   LinkStatus control_out(const ControlRequest& request, std::span<const std::byte> data,
                          std::chrono::milliseconds timeout) override;
   LinkStatus control_in(const ControlRequest& request, std::span<std::byte> data, std::size_t& actual,

@@ -39,6 +39,8 @@ class Link {
  public:
   virtual ~Link() = default;
   virtual DeviceId id() const = 0;
+  // Bytes in the longest packet of an endpoint, as its descriptor says; 0: there is no such endpoint.
+  virtual std::size_t packet_bytes(std::uint8_t endpoint) const = 0;
   virtual LinkStatus control_out(const ControlRequest& request, std::span<const std::byte> data,
                                  std::chrono::milliseconds timeout) = 0;
   virtual LinkStatus control_in(const ControlRequest& request, std::span<std::byte> data, std::size_t& actual,

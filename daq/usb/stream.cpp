@@ -8,8 +8,7 @@ namespace ferrobench::daq::usb {
 namespace {
 
 constexpr double packet_interval = 0.02;         // s, how old a sample may get on its way
-constexpr std::size_t full_packet = 256;         // samples
-constexpr std::size_t shortest_transfer = 4096;  // bytes, where the rate fills it in time
+constexpr std::size_t shortest_transfer = 8;     // packets, where the rate fills it in time
 constexpr std::size_t longest_transfer = 16384;  // bytes
 constexpr std::size_t input_transfers = 16;
 // Behind every tick that is handed on lie so many more that the watch has seen: where a sample got lost, the
@@ -21,6 +20,13 @@ constexpr std::chrono::milliseconds silence{1000};
 
 std::chrono::nanoseconds seconds(double s) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(s));
+}
+
+constexpr const char* bus_hint =
+    "check the cable, connect the unit without a hub, and see that its power holds";
+
+std::string milliseconds(std::chrono::nanoseconds time) {
+  return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count()) + " ms";
 }
 
 std::string wire_hint(StartMode mode) {
@@ -76,18 +82,21 @@ Stream::Stream(Unit& unit, Transfers& transfers, const Inputs& inputs, const Str
 void Stream::prepare() {
   const double rate = plan_.pace.tick_rate();
   const auto width = inputs_.width();
-  const double bytes_per_packet_interval = 2 * rate * static_cast<double>(width) * packet_interval;
-  std::size_t bytes = shortest_transfer;
-  if (bytes_per_packet_interval >= static_cast<double>(shortest_transfer)) {
-    bytes = std::min(longest_transfer, static_cast<std::size_t>(bytes_per_packet_interval) / 512 * 512);
+  const auto packet = unit_.packet_bytes();
+  const auto in_time =
+      static_cast<std::size_t>(2 * rate * static_cast<double>(width) * packet_interval);  // bytes
+  const bool full_packets = in_time >= shortest_transfer * packet;
+  auto bytes = shortest_transfer * packet;
+  packet_samples_ = packet / 2;
+  if (full_packets) {
+    bytes = std::min(longest_transfer, in_time / packet * packet);
   } else {
-    const auto most = (full_packet - 1) / width;
+    const auto most = (packet_samples_ - 1) / width;
     const auto wanted = static_cast<std::size_t>(rate * packet_interval);
     packet_samples_ = std::clamp<std::size_t>(wanted, 1, most) * width;
   }
-  const auto packet_ticks =
-      std::max<double>(1, static_cast<double>(packet_samples_ == full_packet ? bytes / 2 : packet_samples_) /
-                              static_cast<double>(width));
+  const auto packet_ticks = std::max<double>(
+      1, static_cast<double>(full_packets ? bytes / 2 : packet_samples_) / static_cast<double>(width));
   packet_time_ = seconds(packet_ticks / rate);
   // The unit must never run dry between two packets of news.
   lead_ = std::max(static_cast<std::uint64_t>(plan_.queue_ahead * rate),
@@ -135,9 +144,7 @@ void Stream::arm() {
 // Both scans wait; a sample now means that they do not wait for the same thing.
 void Stream::expect_silence() {
   for (const auto begin = clock_.now(); clock_.now() - begin < packet_time_ + wait_step && !trouble_;) {
-    done_.clear();
-    transfers_.wait(unit_.link(), wait_step, done_);
-    for (const auto& done : done_) take(done);
+    collect(wait_step);
     if (cutter_.received() > 0) fail({BlockStatus::misaligned, "the input scan did not wait for the start"});
   }
 }
@@ -160,14 +167,14 @@ void Stream::loop() {
 }
 
 void Stream::turn() {
-  done_.clear();
-  transfers_.wait(unit_.link(), wait_step, done_);
-  const auto now = clock_.now();
   const auto before = cutter_.received();
-  for (const auto& done : done_) take(done);
+  collect(wait_step);
+  const auto now = clock_.now();
   if (!trouble_ && cutter_.received() > before)
-    if (auto wrong = pace_watch_.check(cutter_.received(), now); !wrong.empty())
+    if (auto wrong = pace_watch_.check(cutter_.received(), now); !wrong.empty()) {
+      judge(unit_.status());  // after an overrun samples are missing, whatever the pacer does
       fail({BlockStatus::misaligned, std::move(wrong)});
+    }
   if (!trouble_) feed();
   if (!trouble_ && now - looked_ >= look_interval) {
     looked_ = now;
@@ -176,11 +183,27 @@ void Stream::turn() {
   if (!trouble_ && now - heard_ > silence + 3 * packet_time_) fail(silent());
 }
 
+void Stream::collect(std::chrono::milliseconds timeout) {
+  done_.clear();
+  transfers_.wait(unit_.link(), timeout, done_);
+  input_late_ |= transfers_.in_flight(true) == 0;
+  output_late_ |= transfers_.in_flight(false) == 0;
+  for (const auto& done : done_) take(done);
+}
+
 Stream::Trouble Stream::silent() const {
   if (cutter_.received() == 0)
     return {BlockStatus::stall, "no sample came after the start: " + wire_hint(plan_.start.mode)};
+  return {BlockStatus::timeout, "the unit stopped sending after tick " + std::to_string(cutter_.received()) +
+                                    ": no sample came for " + milliseconds(clock_.now() - heard_) +
+                                    ", though it says that it is running; " + bus_hint};
+}
+
+Stream::Trouble Stream::blocked() const {
   return {BlockStatus::timeout,
-          "the unit stopped sending samples after tick " + std::to_string(cutter_.received())};
+          "the unit's input FIFO overran, though the computer waited for its samples: no "
+          "sample came for " +
+              milliseconds(clock_.now() - heard_) + "; " + bus_hint};
 }
 
 void Stream::take(const Transfers::Done& done) {
@@ -219,15 +242,8 @@ void Stream::feed() {
 void Stream::look() {
   const auto status = unit_.status();
   if (plan_.interlock_bit) interlock_closed_ = (unit_.pins() >> *plan_.interlock_bit & 1) != 0;
-  if (status.input_overrun())
-    return fail(
-        {BlockStatus::overrun, "the unit's input FIFO overran; choose a lower rate or free the computer"});
-  // Output follows input: where no input comes, the output runs dry as a consequence.
-  if (status.output_underrun() && clock_.now() - heard_ > packet_time_ + 2 * look_interval)
-    return fail(silent());
-  if (status.output_underrun())
-    return fail(
-        {BlockStatus::underrun, "the unit's output FIFO ran dry; raise queue_ahead or free the computer"});
+  judge(status);
+  if (trouble_) return;
   if (!status.fpga_configured()) return fail({BlockStatus::device_lost, "the unit was reset"});
   if (!status.output_running()) return fail({BlockStatus::underrun, "the output scan ended by itself"});
   if (!status.input_running()) return fail({BlockStatus::short_data, "the input scan ended by itself"});
@@ -236,7 +252,29 @@ void Stream::look() {
     return fail({BlockStatus::underrun, "the output does not run: " + std::to_string(cutter_.received()) +
                                             " ticks of input came, the unit took " +
                                             std::to_string(delivered_) + " of output"});
+  input_late_ = output_late_ = false;
   vouch(false);
+}
+
+// Whose doing it is that a FIFO failed. While a transfer waits for it, it is not the computer's.
+void Stream::judge(const UnitStatus& status) {
+  if (!status.input_overrun() && !status.output_underrun()) return;
+  collect(std::chrono::milliseconds(0));  // what came while the computer was away
+  if (trouble_) return;
+  if (status.input_overrun())
+    return fail(input_late_
+                    ? Trouble{BlockStatus::overrun,
+                              "the unit's input FIFO overran, as the computer did not take the samples in "
+                              "time; choose a lower rate or free the computer"}
+                    : blocked());
+  // Output follows input: where no input comes, the output runs dry as a consequence.
+  if (!input_late_ && clock_.now() - heard_ > packet_time_ + 2 * look_interval) return fail(silent());
+  fail(output_late_ ? Trouble{BlockStatus::underrun,
+                              "the unit's output FIFO ran dry, as the computer did not send in time; raise "
+                              "queue_ahead or free the computer"}
+                    : Trouble{BlockStatus::underrun,
+                              "the unit's output FIFO ran dry, though the computer had samples for it: " +
+                                  std::string(bus_hint)});
 }
 
 // Hands on what has come, after the watch has seen it.

@@ -66,6 +66,7 @@ class Stream {
     std::string message;
   };
   Trouble silent() const;
+  Trouble blocked() const;
   static Trouble trouble_of(LinkStatus status, const std::string& what);
 
   void prepare();
@@ -74,9 +75,11 @@ class Stream {
   void run();
   void loop();
   void turn();
+  void collect(std::chrono::milliseconds timeout);
   void take(const Transfers::Done& done);
   void feed();
   void look();
+  void judge(const UnitStatus& status);
   void vouch(bool final);
   bool complete() const;
   void fail(Trouble trouble);
@@ -95,7 +98,7 @@ class Stream {
   PaceWatch pace_watch_;
   BlockQueue queue_;
 
-  std::size_t packet_samples_ = 256;
+  std::size_t packet_samples_ = 0;
   std::uint64_t lead_ = 0;       // ticks of output in advance
   std::uint64_t chunk_ = 0;      // ticks of output in a transfer
   std::uint64_t delivered_ = 0;  // output ticks that the unit has taken
@@ -103,6 +106,8 @@ class Stream {
   std::uint64_t vouched_ = 0;    // of these, handed on or dropped between rows
   std::chrono::nanoseconds packet_time_{};
   HostClock::TimePoint heard_, looked_;
+  // Whether the computer has left the unit without a transfer since the last look at its flags.
+  bool input_late_ = false, output_late_ = false;
   std::optional<Trouble> trouble_;
   std::vector<Transfers::Done> done_;
   Rest rest_;

@@ -29,7 +29,7 @@ class Transfers {
   void prepare(std::size_t inputs, std::size_t input_bytes, std::size_t outputs, std::size_t output_bytes);
   std::deque<Transfer>& all() { return transfers_; }
   Transfer* idle_output();
-  std::size_t in_flight() const { return in_flight_; }
+  std::size_t in_flight(bool inputs) const { return inputs ? order_.size() : in_flight_ - order_.size(); }
 
   LinkStatus submit(Link& link, Transfer& transfer, std::size_t size);
   // Completions, in the order that they came. Answers that no transfer waits for, more bytes than asked for

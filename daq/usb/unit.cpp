@@ -20,7 +20,8 @@ constexpr std::uint8_t from_device = 0xC0;
 
 namespace request {
 constexpr std::uint8_t dio_direction = 0x00, dio_pins = 0x01, dio_latch = 0x02;
-constexpr std::uint8_t input_start = 0x12, input_stop = 0x13, input_queue = 0x14, input_clear = 0x15;
+constexpr std::uint8_t input_value = 0x10, input_start = 0x12, input_stop = 0x13, input_queue = 0x14,
+                       input_clear = 0x15;
 constexpr std::uint8_t output_value = 0x18, output_start = 0x1A, output_stop = 0x1B, output_clear = 0x1C;
 constexpr std::uint8_t memory = 0x30, memory_address = 0x31;
 constexpr std::uint8_t status = 0x40, trigger = 0x43;
@@ -102,7 +103,10 @@ std::array<std::byte, 13> pack_output_scan(const OutputScan& scan) {
 Unit::Unit(std::unique_ptr<Link> link)
     : link_(std::move(link)), id_(link_->id()), model_(find_model(id_.vendor, id_.product)) {
   id_.serial = excerpt(id_.serial);
-  if (model_ != nullptr && model_->driven) return;
+  if (model_ != nullptr && model_->driven) {
+    find_endpoints();
+    return;
+  }
   throw Error(ErrorCode::device_unavailable,
               "this driver does not speak to " +
                   (model_ == nullptr ? "product " + hex(id_.product) : std::string(model_->name)),
@@ -110,6 +114,27 @@ Unit::Unit(std::unique_ptr<Link> link)
                       .given = id_.serial,
                       .allowed = "USB-1608GX-2AO",
                       .hint = "choose another unit; device.list names those attached"});
+}
+
+void Unit::find_endpoints() {
+  packet_bytes_ = link_->packet_bytes(input_endpoint);
+  for (const auto endpoint : {input_endpoint, output_endpoint}) {
+    if (endpoint == output_endpoint && model_->outputs == 0) continue;
+    const auto bytes = link_->packet_bytes(endpoint);
+    if (bytes == packet_bytes_ && (bytes == full_speed_packet || bytes == high_speed_packet)) continue;
+    throw Error(ErrorCode::device_unavailable, "unit " + id_.serial + " has not the endpoints of its kind",
+                Problem{.path = "/endpoints/" + hex(endpoint),
+                        .message = "is no bulk endpoint with packets of its speed",
+                        .given = bytes,
+                        .allowed = {full_speed_packet, high_speed_packet},
+                        .unit = "bytes",
+                        .hint = "unplug the unit and plug it in again, without a hub"});
+  }
+}
+
+// Bulk packets in a frame, by the USB specification: 19 in 1 ms, or 13 in 125 us.
+double Unit::bus_rate() const {
+  return static_cast<double>(packet_bytes_) * (high_speed() ? 13 * 8000 : 19 * 1000);
 }
 
 void Unit::write(std::uint8_t request, std::string_view what, std::span<const std::byte> data,
@@ -123,8 +148,8 @@ void Unit::write(std::uint8_t request, std::string_view what, std::span<const st
                       "the unit did not take a request: " + std::string(what) + " (" + hex(request) + ")");
 }
 
-void Unit::read(std::uint8_t request, std::string_view what, std::span<std::byte> data) {
-  const ControlRequest setup{from_device, request, 0, 0};
+void Unit::read(std::uint8_t request, std::string_view what, std::span<std::byte> data, std::uint16_t value) {
+  const ControlRequest setup{from_device, request, value, 0};
   std::size_t actual = 0;
   auto status = LinkStatus::ok;
   for (int attempt = 0; attempt < 2; ++attempt) {
@@ -197,6 +222,12 @@ void Unit::trigger_on_rising_edge() {
 
 void Unit::load_queue(std::span<const QueueElement> queue) {
   write(request::input_queue, "input queue", pack_queue(queue));
+}
+
+std::uint16_t Unit::convert(const QueueElement& element) {
+  std::array<std::byte, 2> code{};
+  read(request::input_value, "one conversion", code, static_cast<std::uint16_t>(element.channel));
+  return load_le<std::uint16_t>(code);
 }
 
 void Unit::start_input(const InputScan& scan) {

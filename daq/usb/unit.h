@@ -12,8 +12,9 @@
 
 namespace ferrobench::daq::usb {
 
-inline constexpr std::uint8_t input_endpoint = 0x86;   // bulk, the scan's samples
-inline constexpr std::uint8_t output_endpoint = 0x02;  // bulk, the waveform's samples
+inline constexpr std::uint8_t input_endpoint = 0x86;                           // bulk, the scan's samples
+inline constexpr std::uint8_t output_endpoint = 0x02;                          // bulk, the waveform's samples
+inline constexpr std::size_t full_speed_packet = 64, high_speed_packet = 512;  // bytes, bulk
 
 // A request or transfer that failed: what the link said, and the typed error of the bench.
 class LinkFailure : public Error {
@@ -55,7 +56,7 @@ std::array<std::byte, longest_queue> pack_queue(std::span<const QueueElement> qu
 // period: ticks of the 64 MHz clock from scan to scan, 0 for the external clock.
 struct InputScan {
   std::uint64_t period = 0;
-  std::size_t packet_samples = 256;  // of one USB packet, 1..256
+  std::size_t packet_samples = 256;  // of one USB packet, 1..256 and no more than the endpoint takes
   bool triggered = false;
 };
 std::array<std::byte, 15> pack_input_scan(const InputScan& scan);
@@ -69,12 +70,17 @@ std::array<std::byte, 13> pack_output_scan(const OutputScan& scan);
 
 class Unit {
  public:
-  // Throws Error(device_unavailable) for a product that this driver does not speak to.
+  // Throws Error(device_unavailable) for a product that this driver does not speak to, and for endpoints that
+  // are not those of one.
   explicit Unit(std::unique_ptr<Link> link);
 
   const ProductModel& model() const { return *model_; }
   const DeviceId& id() const { return id_; }
   Link& link() { return *link_; }
+  // At which speed the unit is attached shows in the packets of its endpoints.
+  bool high_speed() const { return packet_bytes_ == high_speed_packet; }
+  std::size_t packet_bytes() const { return packet_bytes_; }
+  double bus_rate() const;  // bytes/s that the bus carries at most, both ways together
 
   UnitStatus status();
   void read_memory(std::uint16_t address, std::span<std::byte> data);
@@ -89,6 +95,8 @@ class Unit {
   // One trigger register serves both scans: a rising edge starts whatever is armed.
   void trigger_on_rising_edge();
   void load_queue(std::span<const QueueElement> queue);
+  // One conversion of an element of the queue, while no scan runs.
+  std::uint16_t convert(const QueueElement& element);
   void start_input(const InputScan& scan);  // runs until stopped, all channels back to back
   void stop_input();
   void clear_input();
@@ -104,13 +112,15 @@ class Unit {
  private:
   // Reads, and writes that may as well come twice, are tried once more.
   enum class Retry { no, once };
+  void find_endpoints();
   void write(std::uint8_t request, std::string_view what, std::span<const std::byte> data = {},
              std::uint16_t value = 0, std::uint16_t index = 0, Retry retry = Retry::once);
-  void read(std::uint8_t request, std::string_view what, std::span<std::byte> data);
+  void read(std::uint8_t request, std::string_view what, std::span<std::byte> data, std::uint16_t value = 0);
 
   std::unique_ptr<Link> link_;
   DeviceId id_;
   const ProductModel* model_;
+  std::size_t packet_bytes_ = high_speed_packet;
 };
 
 }  // namespace ferrobench::daq::usb

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <limits>
 
+#include "daq/not_at_zero.h"
 #include "daq/usb/units.h"
 #include "protocols/common/fields.h"
 
@@ -43,12 +44,8 @@ UsbDevice::~UsbDevice() {
     if (!(known_ && level_ == 0)) go_to(0, stop_slew());
     set_latch(0);
   } catch (const std::exception& failure) {
-    std::cerr << "ferrobench: the output of USB unit " << id_.serial
-              << " may not be at zero, switch the amplifier off: " << failure.what() << '\n';
-    try {
-      set_latch(0);                    // the amplifier's enable line may still obey
-    } catch (const std::exception&) {  // said above
-    }
+    std::cerr << "ferrobench: USB unit " << id_.serial << ": " << not_at_zero(failure.what()) << '\n';
+    disable_amplifier();
   }
 }
 
@@ -63,6 +60,8 @@ void UsbDevice::connect() {
   unit_ = std::make_unique<Unit>(connect_());
   id_ = unit_->id();
   model_ = &unit_->model();
+  high_speed_ = unit_->high_speed();
+  bus_rate_ = unit_->bus_rate();
   if (model_->outputs == 0)
     throw Error(ErrorCode::device_unavailable,
                 "unit " + id_.serial + " is a " + std::string(model_->name) + ", which has no analog output",
@@ -70,16 +69,35 @@ void UsbDevice::connect() {
                         .given = id_.serial,
                         .allowed = "USB-1608GX-2AO",
                         .hint = "it can measure but not drive a specimen; name a unit with outputs"});
+  bool drives = true;
+  try {
+    drives = unit_->status().fpga_configured();  // without that it has just got its power and is at 0 V
+    set_up();
+  } catch (const Error& failure) {
+    if (!drives) throw;
+    disable_amplifier();
+    throw Error(failure.code(), not_at_zero("unit " + id_.serial + ": " + failure.message()),
+                failure.problems());
+  }
+  lost_ = false;
+}
+
+void UsbDevice::set_up() {
   fpga_loaded_ = ensure_fpga(*unit_, config_.fpga_image, read_image_);
   unit_->stop_output();
   unit_->stop_input();
   calibration_ = read_calibration(*unit_);
+  amplifier_ = Amplifier(config_.amplifier, config_.specimen,
+                         calibration_.output_reach(static_cast<int>(config_.output_channel)));
   inputs_.emplace(config_, calibration_);
+  // The first conversion after the FPGA was loaded is garbage, whoever loaded it: nobody is to see it.
+  unit_->load_queue(inputs_->queue());
+  unit_->convert(inputs_->queue().back());
   // Whoever had the unit before may have left a voltage there.
   const auto code = unit_->read_output(static_cast<int>(config_.output_channel));
   level_ =
       code ? amplifier_.field(calibration_.output_volts(static_cast<int>(config_.output_channel), *code)) : 0;
-  known_ = lost_ = false;
+  known_ = false;
   set_up_lines();
   ramp(0, stop_slew());
 }
@@ -104,6 +122,14 @@ void UsbDevice::enable_amplifier() {
   if ((latch_ & bit) == 0) set_latch(static_cast<std::uint8_t>(latch_ | bit));
 }
 
+// The last resort: its line may still obey.
+void UsbDevice::disable_amplifier() noexcept {
+  try {
+    set_latch(0);
+  } catch (const std::exception&) {  // what went wrong before is told
+  }
+}
+
 void UsbDevice::ensure_connected() {
   if (lost_ || !unit_) connect();
 }
@@ -115,7 +141,10 @@ std::uint16_t UsbDevice::code(double level) const {
 }
 
 double UsbDevice::fastest_rate() const {
-  return std::min(model_->input_rate / static_cast<double>(inputs_->width()), model_->output_rate);
+  const auto width = static_cast<double>(inputs_->width());
+  constexpr double sample_bytes = 2;
+  return std::min(
+      {model_->input_rate / width, model_->output_rate, bus_rate_ / (sample_bytes * (width + 1))});
 }
 
 double UsbDevice::stop_slew() const {
@@ -139,6 +168,7 @@ nlohmann::json UsbDevice::info() const {
                      {"product", model_->name},
                      {"serial_number", id_.serial},
                      {"firmware", id_.firmware},
+                     {"link_speed", high_speed_ ? "high" : "full"},
                      {"clock", "real"},
                      {"resolution_bits", 16},
                      {"fpga_loaded", fpga_loaded_},
@@ -180,7 +210,7 @@ double UsbDevice::scan_rate(double asked) const {
 }
 
 std::vector<Problem> UsbDevice::problems(const protocols::SampledWaveform& program) const {
-  return check_amplifier(program, config_.amplifier, config_.specimen);
+  return check_amplifier(program, config_.amplifier, config_.specimen, amplifier_.range());
 }
 
 bool UsbDevice::interlock_closed() {
@@ -266,6 +296,7 @@ void UsbDevice::go_to(double level, double slew) {
         link != nullptr && link->status() == LinkStatus::no_device)
       lost_ = true;
     known_ = false;
+    if (level == 0) disable_amplifier();
     throw Error(ErrorCode::device_lost,
                 "the output could not be brought from " + number(from) + " to " + number(level) +
                     " V/m, it was last at " + number(level_) + " V/m (" +

@@ -31,6 +31,9 @@ class UsbDevice final : public Device {
   std::vector<recordings::RawColumn> columns() const override;
   std::array<std::optional<double>, 5> noise() const override;
   OutputRange output_range() const override { return amplifier_.range(); }
+  double fastest_slew() const override {
+    return config_.amplifier.slew_limit / config_.specimen.layer_thickness;
+  }
   double scan_rate(double asked) const override;
   std::vector<Problem> problems(const protocols::SampledWaveform& program) const override;
   std::optional<recordings::Specimen> specimen() const override { return to_recording(config_.specimen); }
@@ -45,11 +48,13 @@ class UsbDevice final : public Device {
 
  private:
   void connect();
+  void set_up();
   void disconnect();
   void ensure_connected();
   void set_up_lines();
   void set_latch(std::uint8_t levels);
   void enable_amplifier();
+  void disable_amplifier() noexcept;
   void end_stream();
   void settle(const Rest& rest);
   void write_level(double level);
@@ -70,6 +75,8 @@ class UsbDevice final : public Device {
   DeviceId id_;
   const ProductModel* model_ = nullptr;
   bool fpga_loaded_ = false;
+  bool high_speed_ = true;
+  double bus_rate_ = 0;  // bytes/s
 
   double level_ = 0;    // V/m, what the output was last seen or set at
   bool known_ = false;  // else level_ is a guess

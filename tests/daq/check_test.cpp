@@ -5,6 +5,7 @@
 
 #include "daq/guard/reverse_time.h"
 #include "programs.h"
+#include "protocols/protocol.h"
 
 namespace ferrobench::daq {
 namespace {
@@ -30,8 +31,51 @@ TEST(Check, NamesEverySegmentThatIsWrongAndWhatIsAllowed) {
   EXPECT_EQ(found[0].unit, "V/m");
   EXPECT_NE(found[0].message.find("segment 0"), std::string::npos);
   EXPECT_EQ(found[1].given, 2e6);
-  EXPECT_EQ(found[1].allowed, 1e6);
+  EXPECT_EQ(found[1].allowed, (nlohmann::json{{"to", 1e6}}));
   EXPECT_FALSE(found[1].hint.empty());
+}
+
+// Three cycles are six rows of the segment table and one segment of the author's.
+TEST(Check, TellsEachProblemOnceInTheUnitAndAtThePlaceOfTheAuthor) {
+  const auto found_in = [](const char* unit, double high, double rate) {
+    const auto protocol = protocols::Protocol::from_json(
+        {{"format", "ferrobench-protocol"},
+         {"version", 1},
+         {"name", "cycles"},
+         {"unit", unit},
+         {"layer_thickness_m", 1e-4},
+         {"segments",
+          {{{"kind", "hold"}, {"time", 1}},
+           {{"kind", "triangle"}, {"low", 0}, {"high", high}, {"rate", rate}, {"cycles", 3}}}}});
+    return check(protocols::SampledWaveform(protocol.expand(), 100000), Limits{});
+  };
+  const auto volts = found_in("V", 200, 20000);
+  ASSERT_EQ(volts.size(), 2U);
+  EXPECT_EQ(volts[0].path, "/segments/1/level");
+  EXPECT_EQ(volts[0].unit, "V");
+  EXPECT_NEAR(volts[0].given.get<double>(), 200, 1e-9);
+  EXPECT_NEAR(volts[0].allowed["to"].get<double>(), 160, 1e-9);
+  EXPECT_EQ(volts[1].path, "/segments/1/rate");
+  EXPECT_EQ(volts[1].unit, "V/s");
+  EXPECT_NEAR(volts[1].allowed["to"].get<double>(), 10000, 1e-6);
+  const auto field = found_in("kV/mm", 1, 1000);
+  ASSERT_EQ(field.size(), 1U);
+  EXPECT_EQ(field[0].unit, "kV/mm/s");
+  EXPECT_NEAR(field[0].given.get<double>(), 1000, 1);
+  EXPECT_EQ(field[0].allowed, (nlohmann::json{{"to", 100.0}}));
+}
+
+TEST(Check, OfSeveralBadPiecesTheWorstIsTold) {
+  const auto protocol = protocols::Protocol::from_json(
+      {{"format", "ferrobench-protocol"},
+       {"version", 1},
+       {"name", "points"},
+       {"unit", "kV/mm"},
+       {"segments", {{{"kind", "points"}, {"points", {{0, 0}, {1, 2}, {2, 5}, {3, 3}, {4, 0}}}}}}});
+  const auto found = check(protocols::SampledWaveform(protocol.expand(), 100), Limits{});
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].given, 5.0);
+  EXPECT_NE(found[0].message.find("\"point 3\""), std::string::npos) << found[0].message;
 }
 
 TEST(Check, SeesACrestBetweenTwoSamples) {

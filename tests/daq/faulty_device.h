@@ -69,6 +69,9 @@ class FaultyDevice final : public Device {
   }
   OutputRange output_range() const override { return {-1e12, 1e12}; }
   double scan_rate(double asked) const override { return asked; }
+  std::optional<recordings::Specimen> specimen() const override {
+    return recordings::Specimen{"specimen", 0.02, 2.5e-5, 1e-4, 1};
+  }
   double output() const override { return watched.level(); }
 
   void go_to(double level, double slew) override {

@@ -90,6 +90,29 @@ TEST(Feed, AStopRampsToZeroFromWhereItIs) {
   EXPECT_EQ(table[1].end_sample, 18);
 }
 
+TEST(Feed, ASecondStopGoesFaster) {
+  Limits limits;
+  limits.stop_slew = 450;  // 45 a sample
+  Feed feed(trapezoid(), limits);
+  feed.next(5);
+  feed.hasten(1000);  // nothing is on its way
+  EXPECT_FALSE(feed.stopping());
+  feed.stop(End::stopped, "enough");
+  feed.next(2);
+  feed.hasten(100);  // never slower
+  EXPECT_EQ(feed.next(1).level, 500 - 3 * 45);
+  feed.hasten(1000);
+  EXPECT_EQ(feed.expected(), 9U + 4U);
+  EXPECT_EQ(feed.next(1).level, 500 - 3 * 45 - 100);
+  EXPECT_EQ(feed.next(100).samples, 3U);
+  EXPECT_TRUE(feed.over());
+  const auto table = feed.segments(feed.issued());
+  ASSERT_EQ(table.size(), 3U);
+  EXPECT_EQ(table[1].label, "safe stop");
+  EXPECT_EQ(table[2].label, "hastened stop");
+  EXPECT_EQ(table[2].rate, 1000);
+}
+
 TEST(Feed, APauseAtReverseFieldEndsWhenTheSpecimenHasHadEnough) {
   Limits limits;
   limits.reverse_field_threshold = -100;

@@ -108,6 +108,37 @@ TEST(Guard, AStopIsARampInTheRecording) {
   run.expect_safe(outcome);
 }
 
+TEST(Guard, ASecondStopIsAsFastAsLimitsAllow) {
+  Limits limits;
+  limits.stop_slew = 2e5;  // V/m/s: 5 s from 1 kV/mm
+  limits.slew = 1e7;
+  const auto rows = [&limits](bool again) {
+    Session run(limits);
+    const auto outcome = run.go([&](Guard& guard) {
+      if (run.rows > 1500) guard.stop("operator");
+      if (run.rows > 1600 && again) guard.hasten();
+    });
+    EXPECT_EQ(outcome.reason, "operator");
+    run.expect_safe(outcome);
+    return run.rows;
+  };
+  EXPECT_GT(rows(false), 6000U);
+  EXPECT_LT(rows(true), 2000U);
+}
+
+TEST(Guard, TheWayBackWithoutAStreamCanBeHastened) {
+  Limits limits;
+  limits.stop_slew = 2e5;
+  FaultyDevice device{limits};
+  Guard guard(device, limits);
+  guard.go_to(1e6, 1e7);
+  device.steepest_go_to = 0;
+  guard.hasten();
+  guard.release();
+  EXPECT_EQ(device.output(), 0);
+  EXPECT_EQ(device.steepest_go_to, limits.slew);
+}
+
 TEST(Guard, AStopBeforeTheStartIsNotForgotten) {
   Session run;
   Guard guard(run.device, run.limits);

@@ -39,6 +39,26 @@ TEST(Limits, TellsEveryProblemAtOnce) {
   }
 }
 
+TEST(Limits, AStopTakesNoLongerThanItMay) {
+  for (const auto& change : {nlohmann::json{{"stop_slew", 1}}, nlohmann::json{{"field_max", 1.1e7}},
+                             nlohmann::json{{"field_min", -1.1e7}}, nlohmann::json{{"stop_time", 1}}}) {
+    auto all = write_json(Limits{});
+    all.update(change);
+    try {
+      limits_from_json(all);
+      ADD_FAILURE() << change;
+    } catch (const Error& error) {
+      ASSERT_EQ(error.problems().size(), 1U);
+      const auto& problem = error.problems()[0];
+      EXPECT_EQ(problem.path, "/stop_slew");
+      EXPECT_EQ(problem.unit, "V/m/s");
+      all["stop_slew"] = problem.allowed["from"];
+      EXPECT_NO_THROW(limits_from_json(all)) << change;
+    }
+  }
+  EXPECT_NO_THROW(limits_from_json({{"stop_slew", 1.6e4}, {"stop_time", 100}}));
+}
+
 TEST(Limits, MustFitEachOther) {
   Limits limits;
   limits.field_min = limits.field_max = 0;

@@ -31,8 +31,9 @@ class Maker {
     if (below(2) == 0) return l;
     l.field_max = below(4) == 0 ? 0 : std::pow(10, 3 + 5 * share());
     l.field_min = -std::pow(10, 3 + 5 * share());
-    l.slew = (l.field_max - l.field_min) * std::pow(10, -2 + 6 * share());
-    l.stop_slew = l.slew * std::pow(10, -3 * share());
+    const double range = l.field_max - l.field_min;
+    l.slew = range * std::pow(10, -0.9 + 4.9 * share());
+    l.stop_slew = std::max(l.slew * std::pow(10, -3 * share()), range / l.stop_time);
     l.reverse_field_threshold = l.field_min * share();
     l.reverse_field_time = std::pow(10, -3 + 6 * share());
     return l;

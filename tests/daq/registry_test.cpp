@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "daq/selftest.h"
-#include "daq/virtual/virtual_device.h"
-
 namespace ferrobench::daq {
 namespace {
 
@@ -39,47 +36,6 @@ TEST(Registry, SaysWhatIsWrong) {
   EXPECT_THROW(
       open_device("virtual", {{"field", off}, {"charge", off}, {"displacement", off}, {"force", off}}),
       Error);
-}
-
-SelftestReport test(const VirtualConfig& config) {
-  VirtualDevice device(model::Model{}, config);
-  return selftest(device);
-}
-
-const SelftestRow& row(const SelftestReport& report, const std::string& quantity) {
-  for (const auto& r : report.rows)
-    if (r.quantity == quantity) return r;
-  throw std::out_of_range(quantity);
-}
-
-TEST(Selftest, PassesOnAHealthyDevice) {
-  VirtualConfig config;
-  for (std::int64_t seed = 1; seed < 30; ++seed) {
-    config.clock = seed == 1 ? Clock::real : Clock::fast;
-    config.seed = seed;
-    const auto report = test(config);
-    EXPECT_TRUE(report.passed()) << to_json(report).dump(1);
-    EXPECT_GE(report.rows.size(), 7U);
-  }
-}
-
-TEST(Selftest, FindsAMonitorThatIsOff) {
-  VirtualConfig config;
-  config.clock = Clock::fast;
-  config.field.offset = 500;
-  config.field.gain = 1.05;
-  const auto report = test(config);
-  EXPECT_FALSE(report.passed());
-  EXPECT_FALSE(row(report, "monitor offset").passed());
-  EXPECT_NEAR(row(report, "monitor offset").measured, 500, 50);
-  EXPECT_NEAR(row(report, "monitor gain").measured, 1.05, 0.01);
-  EXPECT_FALSE(row(report, "monitor gain").passed());
-}
-
-TEST(Selftest, NeedsTheMonitor) {
-  VirtualConfig config;
-  config.field.enabled = false;
-  EXPECT_THROW(test(config), Error);
 }
 
 }  // namespace

@@ -94,7 +94,7 @@ TEST(DriverBench, PassesTheSelftest) {
   EXPECT_GE(report.rows.size(), 7U);
   for (const auto& row : report.rows) {
     if (row.quantity == "rate") continue;  // the unit's time is not the host's here
-    EXPECT_TRUE(row.passed()) << row.quantity << ": " << row.measured;
+    EXPECT_TRUE(row.passed) << row.quantity << ": " << row.measured;
   }
   EXPECT_NEAR(rig.output_volts(), 0, 0.5e-3);
 }

@@ -13,6 +13,7 @@ namespace {
 
 using daq::usb::StartMode;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr double half_code = 10.0 / 65536;  // V
 
@@ -84,6 +85,66 @@ TEST_P(DriverRun, BringsEveryRowAtItsPlace) {
 }
 INSTANTIATE_TEST_SUITE_P(Starts, DriverRun, testing::Values(StartMode::trigger, StartMode::clock),
                          [](const auto& p) { return p.param == StartMode::trigger ? "trigger" : "clock"; });
+
+// What the device says of the end of a run at this rate.
+daq::SampleBlock last_block(daq::Device& device, double rate, daq::LevelSource& source) {
+  device.start(device.scan_rate(rate), source);
+  daq::SampleBlock last, block;
+  while (device.read(block))
+    if (block.status != daq::BlockStatus::ok) last = block;
+  return last;
+}
+
+// Zero for ever; at a row it can keep the computer from everything else for a while.
+struct Endless final : daq::LevelSource {
+  daq::LinearPiece next(std::uint64_t most) override {
+    given += most;
+    if (port != nullptr && given > doze_at)
+      std::exchange(port, nullptr)->advance(unit->now() + ticks_per_second * 3 / 5);
+    return {.samples = most};
+  }
+  std::uint64_t given = 0, doze_at = 0;
+  Port* port = nullptr;
+  Unit* unit = nullptr;
+};
+
+// The unit's FIFO overruns, as nobody takes what is in it. But the computer waits for it.
+TEST(Driver, AnEndpointThatHangsIsNotTheComputersFault) {
+  for (const double update_rate : {0.0, 4e3, 40e3})
+    for (const double rate : {200.0, 1000.0, 25000.0}) {
+      ProofBoard board;
+      auto config = proof_config();
+      config["update_rate"] = update_rate;
+      Rig rig(config, board);
+      auto& device = rig.device();
+      const auto tick_rate = std::max(rate, update_rate);
+      rig.unit.arm({.hang = static_cast<std::uint64_t>(0.4 * tick_rate)});
+      Endless source;
+      const auto last = last_block(device, rate, source);
+      EXPECT_EQ(last.status, daq::BlockStatus::timeout)
+          << rate << ", " << update_rate << ": " << last.message;
+      EXPECT_THAT(last.message, HasSubstr("no sample came for "));
+      EXPECT_THAT(last.message, HasSubstr("though"));
+      EXPECT_THAT(last.message, HasSubstr("cable"));
+      EXPECT_THAT(last.message, Not(HasSubstr("free the computer")));
+      device.go_to(0, 1e6);
+      EXPECT_EQ(device.output(), 0);
+    }
+}
+
+TEST(Driver, AnOverrunIsTheComputersFaultIfItWasAway) {
+  ProofBoard board;
+  Rig rig(proof_config(), board);
+  auto& device = rig.device();
+  Endless source;
+  source.doze_at = 1000;
+  source.port = &rig.port;
+  source.unit = &rig.unit;
+  const auto last = last_block(device, 1000, source);
+  EXPECT_EQ(last.status, daq::BlockStatus::overrun) << last.message;
+  EXPECT_THAT(last.message, HasSubstr("free the computer"));
+  EXPECT_THAT(last.message, Not(HasSubstr("cable")));
+}
 
 TEST(Driver, SaysWhichWireIsMissing) {
   for (const auto mode : {StartMode::trigger, StartMode::clock}) {

@@ -47,7 +47,7 @@ with() {
   shift
   "$emulator" --config "$folder/$unit" -- "$ferrobench" run full-loops --device usb --device-config "$folder/$1" --quiet
 }
-expect "needs its FPGA image" "fpga_image" "USB_1608G_2.rbf" "github.com/mccdaq/uldaq" -- with empty.json device.json
+expect "needs its FPGA image" "fpga_image" "USB_1608G_2.rbf" "github.com/mccdaq/uldaq" "v1.1.2" -- with empty.json device.json
 expect "not the FPGA image" "SHA-256" "64381d54" -- with empty.json image.json
 expect "no unit with this serial number" "01A2B3C4" -- with loaded.json other.json
 expect "no analog output" -- with no_outputs.json device.json
@@ -55,4 +55,13 @@ if [ -n "$(find "$folder" -name '*.h5')" ]; then
   echo "something was recorded" >&2
   exit 1
 fi
+
+# A unit that is unplugged in the middle of a run: its user must act, and the recording says so.
+echo '{"board": "bench", "fpga_loaded": true, "fault": "bus_loss", "fault_scans": 1000, "bench": {"specimen": {"model": "mcl-op30-linear"}}}' \
+  > "$folder/lost.json"
+expect "the run was aborted" "the output may not be at zero, switch the amplifier off" -- \
+  "$emulator" --config "$folder/lost.json" -- "$ferrobench" run full-loops --device usb --device-config "$folder/device.json" \
+  --set device.update_rate=2000 --set device.queue_ahead=0.5 --quiet --out "$folder/lost.h5"
+"$ferrobench" report "$folder/lost.h5" > "$folder/report"
+grep -q "switch the amplifier off" "$folder/report" || { cat "$folder/report" >&2; exit 1; }
 echo "all is said"

@@ -29,6 +29,27 @@ std::vector<std::uint16_t> ramp(std::size_t count) {
   return out;
 }
 
+// One public driver sends the 13 bytes that count, another one its structure with the 3 that pad it.
+TEST(OutputScan, TakesBothLengthsOfStart) {
+  for (const std::size_t length : {13U, 16U}) {
+    Recorder board;
+    Client client(Client::perfect(), &board);
+    board.updates.clear();
+    client.port.submit_out(1, output_endpoint, samples_of(ramp(100)));
+    auto order = output_order(100, 0, 6399, 1);
+    order.resize(length, std::byte{0xEE});
+    EXPECT_EQ(client.write(request::output_start, 0, 0, order), ok) << length;
+    client.pass(0.02);
+    EXPECT_EQ(board.updates.size(), 100U) << length;
+  }
+  for (const std::size_t length : {12U, 14U, 17U}) {
+    Client client;
+    auto order = output_order(100, 0, 6399, 1);
+    order.resize(length);
+    EXPECT_EQ(client.write(request::output_start, 0, 0, order), stall) << length;
+  }
+}
+
 TEST(OutputScan, PlaysWhatWasSentBeforeStartAtItsRateAndKeepsTheLastValue) {
   Recorder board;
   Client client(Client::perfect(), &board);

@@ -44,6 +44,29 @@ TEST_P(FpgaImages, ConfigureWithTheirLastByte) {
   EXPECT_EQ(client.word(request::fpga_version), setup.fpga_version);
 }
 
+TEST(Requests, TheFirstConversionAfterTheFpgaWasLoadedIsGarbage) {
+  constexpr std::size_t image = 73722;
+  const auto conversion = [](Client& client) { return client.word(request::input_value, 0); };
+  UnitSetup setup = Client::perfect();
+  setup.fpga_loaded = false;
+  Client client(setup);
+  client.loopback.jumpers[0].level = 5;
+  for (int time = 0; time < 2; ++time) {
+    client.load_fpga(image);
+    EXPECT_EQ(client.write(request::queue, 0, 0, queue_of({0})), Outcome::ok);
+    EXPECT_GT(std::abs(static_cast<int>(conversion(client)) - 49152), 1000);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(conversion(client), 49152, 1);
+  }
+  // In a scan as well as by itself.
+  client.load_fpga(image);
+  client.write(request::queue, 0, 0, queue_of({0}));
+  client.write(request::input_start, 0, 0, input_order({.scans = 3, .period = 6399}));
+  const auto samples = client.collect(0.01);
+  ASSERT_EQ(samples.size(), 3U);
+  EXPECT_GT(std::abs(samples[0] - 49152), 1000);
+  EXPECT_NEAR(samples[1], 49152, 1);
+}
+
 INSTANTIATE_TEST_SUITE_P(ProtocolNote8, FpgaImages,
                          testing::Values(std::pair{std::uint16_t{0x0112}, std::size_t{73829}},
                                          std::pair{std::uint16_t{0x0136}, std::size_t{73722}}));

@@ -64,6 +64,7 @@ recordings::Recording through_usb(const server::RunRequest& request, const serve
                    .path = file,
                    .real_time = false},
                   nobody);
+  run.begin();
   run.wait();
   const auto status = run.status();
   if (status.state != server::RunState::complete || !status.output_at_zero)

@@ -106,6 +106,7 @@ int measure(double seconds) {
                    .limits = limits,
                    .path = folder / "throughput.h5"},
                   nobody);
+  run.begin();
   double first = 0;
   while (!run.over()) {
     if (first == 0 && passed() > seconds / 4) first = resident_mib();

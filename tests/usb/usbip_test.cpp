@@ -225,6 +225,16 @@ TEST(UsbipSession, AGoneUnitEndsIt) {
   client.unit.unplug();
   session.collect();
   EXPECT_TRUE(session.closed());
+  client.unit.plug();
+  wire::Session of_before(client.port);
+  of_before.receive(
+      wire::Writer().u16(wire::version).u16(wire::import_request).u32(0).text("1-1", 32).take());
+  EXPECT_FALSE(of_before.closed());
+  client.unit.unplug();
+  client.unit.plug();
+  of_before.collect();
+  EXPECT_TRUE(of_before.closed()) << "the one that came back is another device";
+  client.unit.unplug();
   wire::Session next(client.port);
   next.receive(wire::Writer().u16(wire::version).u16(wire::devlist_request).u32(0).take());
   const Bytes none = next.take_output();

@@ -16,9 +16,11 @@ class ByteLink final : public Link {
     id_ = {vendor_id, static_cast<std::uint16_t>(first < 250 ? 0x0136 : 0x0100 + first - 250), 1,
            std::string(first % 7, static_cast<char>(first)), ""};
     tame_ = draw() < 200;
+    if (const auto drawn = draw(); drawn >= 240) packet_ = drawn < 250 ? 64 : drawn;
   }
 
   DeviceId id() const override { return id_; }
+  std::size_t packet_bytes(std::uint8_t) const override { return packet_; }
   LinkStatus control_out(const ControlRequest& r, std::span<const std::byte>,
                          std::chrono::milliseconds) override {
     if (r.request == 0x02) started_ = (r.value & 1) != 0;
@@ -103,6 +105,7 @@ class ByteLink final : public Link {
   std::span<const std::byte>& answers_;
   FakeClock& clock_;
   DeviceId id_;
+  std::size_t packet_ = 512;
   bool tame_ = false, cancelled_ = false, started_ = false;
   std::deque<std::pair<std::span<std::byte>, std::uint64_t>> in_;
   std::deque<std::pair<std::size_t, std::uint64_t>> out_;

@@ -78,9 +78,10 @@ TEST(UsbConfig, AFileNamesItsImageBesideItself) {
 
 TEST(Amplifier, ListsWhateverDoesNotFit) {
   const auto config = usb_config_from_json(bench_json());
+  const Amplifier amplifier(config.amplifier, config.specimen);
   const auto check = [&](const protocols::SampledWaveform& program) {
     std::vector<std::string> out;
-    for (const auto& p : check_amplifier(program, config.amplifier, config.specimen))
+    for (const auto& p : check_amplifier(program, config.amplifier, config.specimen, amplifier.range()))
       out.push_back(p.path + " " + p.unit);
     return out;
   };

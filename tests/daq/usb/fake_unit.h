@@ -49,8 +49,9 @@ struct FakeState {
   std::function<LinkStatus(const std::string& request)> refuse;
   std::int64_t overrun_at = -1, rotate_at = -1, unplug_at = -1, stall_at = -1, silent_at = -1;  // ticks
   bool gone = false;
-  bool starve_output = false;   // the unit takes no output
-  std::size_t odd_packets = 0;  // cut packets to this many bytes
+  bool starve_output = false;                     // the unit takes no output
+  std::size_t packet = 512, output_packet = 512;  // bytes, of the endpoints
+  std::size_t odd_packets = 0;                    // cut packets to this many bytes
 };
 
 // What the second input shows at a tick, within the codes that are no clipping.
@@ -73,6 +74,9 @@ class FakeUnit final : public Link {
   explicit FakeUnit(FakeState& state) : s(state) {}
 
   DeviceId id() const override { return {vendor_id, s.product, 0x0101, "01ABCDEF", "1-1"}; }
+  std::size_t packet_bytes(std::uint8_t endpoint) const override {
+    return endpoint == 0x86 ? s.packet : s.output_packet;
+  }
 
   LinkStatus control_out(const ControlRequest& r, std::span<const std::byte> data,
                          std::chrono::milliseconds) override {
@@ -152,6 +156,8 @@ class FakeUnit final : public Link {
         data[0] = static_cast<std::byte>(s.pins.load());
         actual = 1;
         return LinkStatus::ok;
+      case 0x10:
+        return input_armed_ ? LinkStatus::stall : answer(0x8000);
       case 0x18:
         store_le(s.output, data.first(2));
         store_le(std::uint16_t{0x8000}, data.subspan(2, 2));

@@ -69,6 +69,7 @@ TEST_F(UnitTest, TriesAHarmlessRequestOnceMoreAndAStartNever) {
 
 TEST_F(UnitTest, DemandsTheExactLengthOfAnAnswer) {
   struct Short final : Link {
+    std::size_t packet_bytes(std::uint8_t) const override { return 512; }
     DeviceId id() const override { return {vendor_id, 0x0112, 0, "1", ""}; }
     LinkStatus control_out(const ControlRequest&, std::span<const std::byte>,
                            std::chrono::milliseconds) override {

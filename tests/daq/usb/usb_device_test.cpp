@@ -12,7 +12,9 @@
 namespace ferrobench::daq::usb {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 const std::vector<LinearPiece> up_and_down{
     {.samples = 500, .level = 1e6}, {.samples = 300, .level = 1e6}, {.samples = 500, .level = 0}};
@@ -146,6 +148,8 @@ TEST_P(UsbFault, IsTypedAndTheOutputGoesToZero) {
     expect_followed(result);
   } else {
     EXPECT_FALSE(device.output() == 0);
+    EXPECT_EQ(device.info().at("link_speed"), "high") << "what it was is still known";
+    EXPECT_EQ(device.scan_rate(1000), 1000);
     // Plugged in again, it is found again.
     bench.state.gone = false;
     bench.state.unplug_at = -1;
@@ -159,7 +163,7 @@ TEST_P(UsbFault, IsTypedAndTheOutputGoesToZero) {
 INSTANTIATE_TEST_SUITE_P(
     All, UsbFault,
     testing::Values(
-        Fault{"overrun", [](FakeState& s) { s.overrun_at = 777; }, BlockStatus::overrun, "overran"},
+        Fault{"overrun", [](FakeState& s) { s.overrun_at = 777; }, BlockStatus::timeout, "overran"},
         Fault{"rotated", [](FakeState& s) { s.rotation = 1; }, BlockStatus::misaligned, "are rotated"},
         Fault{"slipped", [](FakeState& s) { s.rotate_at = 1000; }, BlockStatus::misaligned, "marker"},
         Fault{"stalled", [](FakeState& s) { s.stall_at = 500; }, BlockStatus::stall, "stall"},
@@ -261,6 +265,63 @@ TEST(UsbDevice, SaysOnStandardErrorThatZeroWasNotReached) {
   testing::internal::CaptureStderr();
   bench.close();
   EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("may not be at zero"));
+}
+
+std::string failure_of(const std::function<void()>& act) {
+  try {
+    act();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return {};
+}
+
+LinkStatus no_output_value(const std::string& request) {
+  return request.starts_with("4018") ? LinkStatus::timeout : LinkStatus::ok;
+}
+
+TEST(UsbDevice, WhoeverOpensItIsToldThatZeroWasNotReached) {
+  const auto words = HasSubstr("the output may not be at zero, switch the amplifier off");
+  {
+    Bench bench;
+    bench.state.output = 65535;
+    bench.state.refuse = no_output_value;
+    EXPECT_THAT(failure_of([&] { bench.device(); }),
+                AllOf(words, HasSubstr("01ABCDEF"), HasSubstr("output value")));
+  }
+  {
+    Bench bench;
+    calibrate(bench.state, 7);
+    EXPECT_THAT(failure_of([&] { bench.device(); }), AllOf(words, HasSubstr("calibration")));
+  }
+  Bench bench;  // has just got its power: there is no output yet
+  bench.state.fpga = false;
+  EXPECT_THAT(failure_of([&] { bench.device(); }), AllOf(HasSubstr("FPGA image"), Not(words)));
+}
+
+TEST(UsbDevice, TheEnableLineFallsWhereTheOutputDoesNotGoToZero) {
+  auto json = bench_json();
+  json["amplifier"]["enable_bit"] = 5;
+  Bench bench(json);
+  auto& device = bench.device();
+  device.go_to(1e6, 1e7);
+  EXPECT_EQ(bench.state.latch, 0x20);
+  bench.state.refuse = no_output_value;
+  EXPECT_NE(failure_of([&] { device.go_to(0, 1e7); }), "");
+  EXPECT_EQ(bench.state.latch, 0);
+  bench.state.refuse = {};
+  device.go_to(0, 1e7);
+  EXPECT_EQ(device.output(), 0);
+}
+
+TEST(UsbDevice, RefusesEndpointsThatAreNotAUnits) {
+  for (const auto& [input, output] :
+       {std::pair<std::size_t, std::size_t>{0, 512}, {512, 0}, {512, 64}, {1024, 1024}}) {
+    Bench bench;
+    bench.state.packet = input;
+    bench.state.output_packet = output;
+    EXPECT_THAT(failure_of([&] { bench.device(); }), HasSubstr("endpoint")) << input << ' ' << output;
+  }
 }
 
 TEST(UsbDevice, SwitchesTheAmplifierOnForARunAndOffAtTheEnd) {

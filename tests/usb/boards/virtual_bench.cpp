@@ -144,6 +144,7 @@ void VirtualBench::set_interlock(Ticks time, bool closed) {
 double VirtualBench::input(Ticks time, const AnalogInput& input) {
   double volts = 0;
   if (input.channel == config_.marker_channel) {
+    // No look at the specimen, which stays unmounted: a unit is opened with a conversion that is thrown away.
     volts = config_.marker_level;
     marker_noise_.add(conversions_[marker]++, config_.marker_noise, std::span(&volts, 1));
     return volts;

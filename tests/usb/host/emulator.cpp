@@ -17,6 +17,12 @@ std::span<const std::pair<BoardKind, std::string_view>> enum_names(BoardKind) {
   return names;
 }
 
+std::span<const std::pair<Speed, std::string_view>> enum_names(Speed) {
+  static constexpr std::array<std::pair<Speed, std::string_view>, 2> names{
+      {{Speed::high, "high"}, {Speed::full, "full"}}};
+  return names;
+}
+
 std::span<const std::pair<TriggerSource, std::string_view>> enum_names(TriggerSource) {
   static constexpr std::array<std::pair<TriggerSource, std::string_view>, 3> names{
       {{TriggerSource::pin, "pin"}, {TriggerSource::dio0, "dio0"}, {TriggerSource::timer, "timer"}}};
@@ -83,6 +89,7 @@ UnitSetup setup_of(const EmulatorConfig& config) {
   setup.product = static_cast<std::uint16_t>(config.product);
   setup.serial = config.serial;
   setup.fpga_loaded = config.fpga_loaded;
+  setup.speed = config.speed;
   if (config.perfect) {
     setup.calibration.input.fill({});
     setup.calibration.output.fill({});

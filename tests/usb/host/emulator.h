@@ -13,6 +13,7 @@ namespace ferrobench::emulator {
 
 enum class BoardKind { loopback, pattern, proof, bench };
 std::span<const std::pair<BoardKind, std::string_view>> enum_names(BoardKind);
+std::span<const std::pair<Speed, std::string_view>> enum_names(Speed);
 std::span<const std::pair<TriggerSource, std::string_view>> enum_names(TriggerSource);
 std::span<const std::pair<ClockSource, std::string_view>> enum_names(ClockSource);
 std::span<const std::pair<FaultKind, std::string_view>> enum_names(FaultKind);
@@ -25,6 +26,7 @@ struct EmulatorConfig {
   std::int64_t product = 0x0136;
   std::string serial = "01A2B3C4";
   bool fpga_loaded = false;
+  Speed speed = Speed::high;
   bool perfect = false;  // converters without errors
   TriggerSource trigger = TriggerSource::dio0;
   ClockSource input_clock = ClockSource::output_clock_out, output_clock = ClockSource::none;
@@ -43,6 +45,7 @@ void describe(Visitor& visit, EmulatorConfig& c) {
   visit("product", c.product, {.min = 0x0110, .max = 0x0136, .doc = "USB product id"});
   visit("serial", c.serial, {.doc = "8 characters"});
   visit("fpga_loaded", c.fpga_loaded, {.doc = "as if a host had been here since power-up"});
+  visit("speed", c.speed, {.doc = "of the port that it is plugged into: packets of 512 bytes or of 64"});
   visit("perfect", c.perfect, {.doc = "converters without errors of gain and offset"});
   visit("trigger", c.trigger, {.doc = "what the TRIG terminal is jumpered to"});
   visit("input_clock", c.input_clock, {.doc = "what the AI clock input is jumpered to"});

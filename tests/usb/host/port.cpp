@@ -56,7 +56,7 @@ void Port::advance(Ticks to) {
   while (unit_.now() < to) {
     const Ticks boundary = (unit_.now() / microframe + 1) * microframe;
     unit_.advance(std::min(boundary, to));
-    if (unit_.now() == boundary) budget_ = packets_per_microframe;
+    if (boundary % frame() == 0 && unit_.now() == boundary) budget_ = packets_per_frame();
     move();
   }
 }
@@ -92,20 +92,20 @@ bool Port::move_in() {
   }
   --budget_;
   Transfer& t = in_.front();
-  if (packet_.size() > t.length - t.moved) {
+  if (packet_.size() > std::min(unit_.setup().max_packet(), t.length - t.moved)) {
     finish(in_, Outcome::babble);
     return true;
   }
   t.data.insert(t.data.end(), packet_.begin(), packet_.end());
   t.moved += packet_.size();
-  if (t.moved == t.length || packet_.size() < max_packet) finish(in_, Outcome::ok);
+  if (t.moved == t.length || packet_.size() < unit_.setup().max_packet()) finish(in_, Outcome::ok);
   return true;
 }
 
 bool Port::move_out() {
   if (out_.empty()) return false;
   Transfer& t = out_.front();
-  const std::size_t size = std::min(max_packet, t.length - t.moved);
+  const std::size_t size = std::min(unit_.setup().max_packet(), t.length - t.moved);
   switch (unit_.give_packet(std::span<const std::byte>(t.data).subspan(t.moved, size))) {
     case Handshake::nak:
       return false;

@@ -1,4 +1,4 @@
-// The host controller's side of one unit: transfers made of packets, moved in microframes of 125 us.
+// The host controller's side of one unit: transfers made of packets, moved frame by frame of its speed.
 //
 // Every transport (in process, usbfs, USB/IP) hands its transfers to a Port and advances its time. A transfer
 // ends when it is full, at a short packet, when it is cancelled, when its endpoint halts or the unit is gone.
@@ -27,7 +27,6 @@ struct Finished {
 class Port {
  public:
   static constexpr Ticks microframe = ticks_per_second / 8000;
-  static constexpr unsigned packets_per_microframe = 13;  // of 512 bytes, bulk, high speed
 
   explicit Port(Unit& unit) : unit_(unit) {}
 
@@ -62,11 +61,16 @@ class Port {
   bool move_out();
   void finish(std::deque<Transfer>& queue, Outcome outcome);
 
+  bool high_speed() const { return unit_.setup().speed == Speed::high; }
+  // Bulk packets in a frame: of 512 bytes in 125 us, or of 64 bytes in 1 ms.
+  unsigned packets_per_frame() const { return high_speed() ? 13 : 19; }
+  Ticks frame() const { return high_speed() ? microframe : 8 * microframe; }
+
   Unit& unit_;
   std::deque<Transfer> in_, out_;
   std::vector<Finished> finished_;
   std::vector<std::byte> packet_;
-  unsigned budget_ = packets_per_microframe;
+  unsigned budget_ = packets_per_frame();
 };
 
 }  // namespace ferrobench::emulator

@@ -55,6 +55,11 @@ daq::usb::DeviceId ProcessLink::id() const {
           .path = "in-process"};
 }
 
+std::size_t ProcessLink::packet_bytes(std::uint8_t endpoint) const {
+  const bool known = endpoint == input_endpoint || endpoint == output_endpoint;
+  return known ? port_.unit().setup().max_packet() : 0;
+}
+
 void ProcessLink::keep_up() {
   if (pace_ == Pace::fast) {
     port_.advance(port_.now() + control_time);

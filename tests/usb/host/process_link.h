@@ -25,6 +25,7 @@ class ProcessLink final : public daq::usb::Link {
   ProcessLink& operator=(const ProcessLink&) = delete;
 
   daq::usb::DeviceId id() const override;
+  std::size_t packet_bytes(std::uint8_t endpoint) const override;
   daq::usb::LinkStatus control_out(const daq::usb::ControlRequest& request, std::span<const std::byte> data,
                                    std::chrono::milliseconds timeout) override;
   daq::usb::LinkStatus control_in(const daq::usb::ControlRequest& request, std::span<std::byte> data,

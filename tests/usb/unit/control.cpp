@@ -270,6 +270,7 @@ bool Unit::write_system(const Request& r, Data data) {
     case request::fpga_data: {
       const bool taken = fpga_.take(data.size(), faults_.fpga_refuses);
       if (taken && !fpga_.configuring()) faults_.fpga_refuses = false;
+      if (taken && fpga_.configured()) input_.unsettle();
       return taken;
     }
     default:

@@ -33,8 +33,10 @@ std::vector<std::byte> device_descriptor(const UnitSetup& setup) {
   return out;
 }
 
-std::vector<std::byte> configuration_descriptor() {
-  constexpr unsigned bulk = 2, packet_low = max_packet & 0xFFU, packet_high = max_packet >> 8;
+std::vector<std::byte> configuration_descriptor(const UnitSetup& setup) {
+  constexpr unsigned bulk = 2;
+  const auto packet = static_cast<unsigned>(setup.max_packet());
+  const unsigned packet_low = packet & 0xFFU, packet_high = packet >> 8;
   // Configuration (bus-powered, 500 mA), interface 0 (vendor class), endpoints: AI first.
   return bytes({9,    2,          9 + 9 + 7 + 7,
                 0,    1,          1,
@@ -68,7 +70,7 @@ std::optional<std::vector<std::byte>> standard_in(const UnitSetup& setup, const 
     case 1:
       return device_descriptor(setup);
     case 2:
-      if (index == 0) return configuration_descriptor();
+      if (index == 0) return configuration_descriptor(setup);
       return std::nullopt;
     case 3:
       if (index == 0) return bytes({4, 3, 0x09, 0x04});

@@ -17,7 +17,7 @@ struct Request {
 };
 
 std::vector<std::byte> device_descriptor(const UnitSetup& setup);
-std::vector<std::byte> configuration_descriptor();
+std::vector<std::byte> configuration_descriptor(const UnitSetup& setup);
 // Nothing: a stall.
 std::optional<std::vector<std::byte>> standard_in(const UnitSetup& setup, const Request& request);
 

@@ -1,6 +1,7 @@
 #include "unit/input_scan.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "unit/bytes.h"
 
@@ -99,7 +100,9 @@ void InputScan::clear() {
 }
 
 std::uint16_t InputScan::convert(const Element& e, Ticks now) {
+  const bool garbage = std::exchange(unsettled_, false);
   const double volts = e.internal ? setup_.internal_sources.at(source_) : board_.input(now, e.input);
+  if (garbage) return 0;
   return input_code(setup_.calibration.input[e.range], input_full_scale[e.range], volts);
 }
 
@@ -169,7 +172,7 @@ void InputScan::convert_next(Ticks now) {
   conversion_ = never;
   if (pacer_.scan_taken()) {
     done_ = true;
-    zero_length_ = 2 * stored_ % max_packet == 0;
+    zero_length_ = 2 * stored_ % setup_.max_packet() == 0;
   }
 }
 

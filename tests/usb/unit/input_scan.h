@@ -26,6 +26,8 @@ class InputScan {
   InputScan(const UnitSetup& setup, Board& board, Faults& faults);
 
   void power_up();
+  // The FPGA has just been loaded: the first conversion after that is garbage, whoever asks for it.
+  void unsettle() { unsettled_ = true; }
   const std::array<std::byte, 16>& queue() const { return queue_; }
   bool set_queue(std::span<const std::byte> elements);     // 16 bytes, while no scan runs
   bool start(std::span<const std::byte> data, Ticks now);  // 14 or 15 bytes
@@ -83,6 +85,7 @@ class InputScan {
   std::size_t skip_ = 0;      // conversions that get lost
   std::uint64_t stored_ = 0;  // samples since START
   bool burst_ = false;
+  bool unsettled_ = false;
   bool done_ = false, overrun_ = false, zero_length_ = false, halted_ = false, hung_ = false;
 };
 

@@ -13,7 +13,7 @@ void OutputScan::power_up() {
 }
 
 bool OutputScan::start(std::span<const std::byte> data, Ticks now) {
-  if (pacer_.on() || data.size() != 13) return false;
+  if (pacer_.on() || (data.size() != 13 && data.size() != 16)) return false;
   const auto options = std::to_integer<std::uint8_t>(data[12]);
   const unsigned mask = options & output_option::channels;
   if (mask == 0) return false;
@@ -80,7 +80,7 @@ std::optional<OutputUpdate> OutputScan::update() {
 Handshake OutputScan::give_packet(std::span<const std::byte> packet, Ticks now) {
   if (halted_) return Handshake::stall;
   const std::size_t bytes = packet.size() + (half_ ? 1 : 0);
-  if (hung_ || packet.size() > max_packet || bytes / 2 > fifo_.room()) return Handshake::nak;
+  if (hung_ || packet.size() > setup_.max_packet() || bytes / 2 > fifo_.room()) return Handshake::nak;
   for (const std::byte byte : packet) {
     if (!half_) {
       half_ = byte;

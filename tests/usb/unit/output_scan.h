@@ -16,6 +16,7 @@
 #include "unit/pacer.h"
 #include "unit/requests.h"
 #include "unit/sample_fifo.h"
+#include "unit/unit_setup.h"
 
 namespace ferrobench::emulator {
 
@@ -24,10 +25,10 @@ using OutputUpdate = std::array<std::optional<std::uint16_t>, 2>;
 
 class OutputScan {
  public:
-  explicit OutputScan(Faults& faults) : faults_(faults) {}
+  OutputScan(const UnitSetup& setup, Faults& faults) : setup_(setup), faults_(faults) {}
 
   void power_up();
-  bool start(std::span<const std::byte> data, Ticks now);  // 13 bytes
+  bool start(std::span<const std::byte> data, Ticks now);  // 13 or 16 bytes
   void stop();
   void clear();
 
@@ -53,6 +54,7 @@ class OutputScan {
  private:
   std::optional<OutputUpdate> update();
 
+  const UnitSetup& setup_;
   Faults& faults_;
   Pacer pacer_;
   SampleFifo<output_fifo_samples> fifo_;

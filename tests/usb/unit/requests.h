@@ -32,7 +32,6 @@ inline constexpr std::uint8_t channels = 3, trigger = 1U << 4, retrigger = 1U <<
 
 inline constexpr std::uint16_t vendor_id = 0x09DB;
 inline constexpr std::uint8_t input_endpoint = 0x86, output_endpoint = 0x02;
-inline constexpr std::size_t max_packet = 512;            // high speed
 inline constexpr std::size_t input_fifo_samples = 4096;   // 8 KiB
 inline constexpr std::size_t output_fifo_samples = 2048;  // 4 KiB
 inline constexpr std::uint8_t vendor_out = 0x40, vendor_in = 0xC0;

@@ -20,7 +20,7 @@ Unit::Unit(const UnitSetup& setup, Board& board)
       eeprom_(setup.calibration),
       fpga_(setup.product, setup.fpga_loaded),
       input_(setup_, board, faults_),
-      output_(faults_) {
+      output_(setup_, faults_) {
   if (setup.serial.size() != 8) throw std::invalid_argument("a serial number has 8 characters");
   counters_ = setup.counters;
   reset();

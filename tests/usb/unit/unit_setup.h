@@ -10,6 +10,9 @@
 
 namespace ferrobench::emulator {
 
+// Of the port that the unit is plugged into.
+enum class Speed { high, full };
+
 enum class TriggerSource { pin, dio0, timer };
 enum class ClockSource { none, input_clock_out, output_clock_out, timer };
 
@@ -25,6 +28,8 @@ struct UnitSetup {
   std::uint16_t firmware = 0x0105;  // BCD
   std::string serial = "01A2B3C4";  // 8 ASCII characters
   bool fpga_loaded = false;         // the host was here since power-up
+  Speed speed = Speed::high;
+  std::size_t max_packet() const { return speed == Speed::high ? 512 : 64; }  // bytes, of a bulk packet
   std::uint16_t fpga_version = 0x0203;
   Calibration calibration;
   Wiring wiring;

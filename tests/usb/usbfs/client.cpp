@@ -13,6 +13,7 @@
 #include <cstring>
 #include <deque>
 #include <source_location>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -47,7 +48,9 @@ Buffer read(std::uint8_t request, std::size_t length) {
   return data;
 }
 
-unsigned word(const Buffer& b, std::size_t at = 0) {
+unsigned word(const Buffer& b, std::size_t at = 0,
+              std::source_location where = std::source_location::current()) {
+  expect(b.size() > at + 1, "an answer is too short", where);
   return b.at(at) | unsigned{b.at(at + 1)} << 8;
 }
 
@@ -210,6 +213,19 @@ void cancel_and_unplug() {
   stream(transfer, true);
 }
 
+// A unit that came back is another device: whoever still has the one of before open is told that it is gone.
+void through_the_handle_of_before(libusb_device_handle* before) {
+  auto* now = std::exchange(device, before);
+  expect(write(0x13) == LIBUSB_ERROR_NO_DEVICE, "the handle of before answers");
+  expect(read(0x40, 2).empty(), "the handle of before reads");
+  expect(libusb_clear_halt(device, in_endpoint) == LIBUSB_ERROR_NO_DEVICE, "it clears a halt");
+  Transfer transfer;
+  expect(transfer.submit(in_endpoint, Buffer(512)) == LIBUSB_ERROR_NO_DEVICE, "it takes a transfer");
+  libusb_close(before);
+  device = now;
+  expect(word(read(0x40, 2)) == 0, "the unit of now does not mind");
+}
+
 // Null if it does not come back.
 void reopen() {
   const auto begin = std::chrono::steady_clock::now();
@@ -229,11 +245,12 @@ int main() {
   loop_back();
   cancel_and_unplug();
   expect(write(0x13) == LIBUSB_ERROR_NO_DEVICE, "an unplugged unit answers");
-  libusb_close(device);
 
+  auto* before = device;
   kill(std::atoi(std::getenv("FERROBENCH_USB_EMULATOR")), SIGUSR2);
   reopen();
   expect(device != nullptr && word(read(0x40, 2)) == 0, "back on the bus, without its FPGA image");
+  through_the_handle_of_before(before);
   write(0x42);
   expect(write(0x13) == LIBUSB_ERROR_NO_DEVICE, "a unit answers while it resets");
   libusb_close(device);

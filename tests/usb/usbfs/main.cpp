@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <mutex>
 #include <thread>
 
@@ -42,18 +43,26 @@ nlohmann::json configuration(const std::string& path) {
 int run(const nlohmann::json& json, char** command) {
   Emulator emulator(emulator_config_from_json(json));
   std::mutex mutex;
-  Usbfs usbfs(emulator.port());
+  std::map<std::string, Usbfs> nodes;
+  Usbfs* usbfs = nullptr;  // of the latest node
   Testbed* bed = nullptr;
-  Testbed testbed([&](unsigned long request, UMockdevIoctlData& arg) {
+  Testbed testbed([&](const std::string& node, unsigned long request, UMockdevIoctlData& arg) {
     const std::scoped_lock lock(mutex);
     emulator.keep_up();
-    const int result = usbfs.ioctl(request, arg);
-    usbfs.collect();
-    bed->set_reapable(usbfs.reapable());
+    const int result = nodes.at(node).ioctl(request, arg);
+    usbfs->collect();
+    bed->set_reapable(usbfs->reapable());
     return result;
   });
   bed = &testbed;
-  testbed.plug(emulator.unit().setup());
+  const auto plug = [&] {
+    testbed.plug(emulator.unit().setup());
+    usbfs = &nodes.try_emplace(testbed.node(), emulator.port()).first->second;
+  };
+  {
+    const std::scoped_lock lock(mutex);
+    plug();
+  }
   std::signal(SIGUSR1, [](int) { unplug_asked = 1; });
   std::signal(SIGUSR2, [](int) { plug_asked = 1; });
   setenv("FERROBENCH_USB_EMULATOR", std::to_string(getpid()).c_str(), 1);
@@ -70,15 +79,18 @@ int run(const nlohmann::json& json, char** command) {
       const std::scoped_lock lock(mutex);
       Unit& unit = emulator.unit();
       if (std::exchange(unplug_asked, 0) != 0) unit.unplug();
-      if (usbfs.take_reset()) back = std::chrono::steady_clock::now() + reset_time;
+      if (usbfs->take_reset()) back = std::chrono::steady_clock::now() + reset_time;
       const bool again = std::chrono::steady_clock::now() >= back;
       if (again) back = never_back;
       if (again || std::exchange(plug_asked, 0) != 0) unit.plug();
       emulator.keep_up();
-      usbfs.collect();
-      testbed.set_reapable(usbfs.reapable());
-      if (on_bus && !unit.on_bus()) testbed.unplug();
-      if (!on_bus && unit.on_bus()) testbed.plug(unit.setup());
+      usbfs->collect();
+      testbed.set_reapable(usbfs->reapable());
+      if (on_bus && !unit.on_bus()) {
+        testbed.unplug();
+        usbfs->retire();
+      }
+      if (!on_bus && unit.on_bus()) plug();
       on_bus = unit.on_bus();
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -91,7 +91,7 @@ void Testbed::plug(const UnitSetup& setup) {
     throw std::runtime_error(std::string("the device node's calls: ") + error->message);
 
   auto descriptors = device_descriptor(setup);
-  const auto configuration = configuration_descriptor();
+  const auto configuration = configuration_descriptor(setup);
   descriptors.insert(descriptors.end(), configuration.begin(), configuration.end());
   std::array<char, 5> vendor{}, product{}, firmware{};
   std::snprintf(vendor.data(), vendor.size(), "%04x", vendor_id);
@@ -105,7 +105,8 @@ void Testbed::plug(const UnitSetup& setup) {
       "\nE: MINOR=" + std::to_string(number_ - 1) + "\nE: BUSNUM=" + three_digits(bus) +
       "\nE: DEVNUM=" + three_digits(number_) + "\nE: ID_VENDOR_ID=" + vendor.data() +
       "\nE: ID_MODEL_ID=" + product.data() + "\nA: busnum=" + std::to_string(bus) +
-      "\\n\nA: devnum=" + std::to_string(number_) + "\\n\nA: speed=480\\n\nA: idVendor=" + vendor.data() +
+      "\\n\nA: devnum=" + std::to_string(number_) +
+      "\\n\nA: speed=" + (setup.speed == Speed::high ? "480" : "12") + "\\n\nA: idVendor=" + vendor.data() +
       "\\n\nA: idProduct=" + product.data() + "\\n\nA: bcdDevice=" + firmware.data() +
       "\\n\nA: serial=" + setup.serial +
       "\\n\nA: bConfigurationValue=1\\n\nA: bNumConfigurations=1\\n\nH: descriptors=" + hex(descriptors) +
@@ -140,7 +141,8 @@ void Testbed::set_reapable(bool reapable) {
 gboolean Testbed::on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
   auto& testbed = *static_cast<Testbed*>(self);
   UMockdevIoctlData* arg = umockdev_ioctl_client_get_arg(client);
-  const int result = testbed.handler_(umockdev_ioctl_client_get_request(client), *arg);
+  const int result = testbed.handler_(umockdev_ioctl_client_get_devnode(client),
+                                      umockdev_ioctl_client_get_request(client), *arg);
   if (result >= 0)
     umockdev_ioctl_client_complete(client, result, 0);
   else

@@ -11,8 +11,10 @@
 
 namespace ferrobench::emulator {
 
-// What a call gives back: a result (0 or more) or minus an errno.
-using IoctlHandler = std::function<int(unsigned long request, UMockdevIoctlData& arg)>;
+// What a call gives back: a result (0 or more) or minus an errno. `node`: through which it came; whoever has
+// that of a device that left open can still call.
+using IoctlHandler =
+    std::function<int(const std::string& node, unsigned long request, UMockdevIoctlData& arg)>;
 
 class Testbed {
  public:
@@ -24,6 +26,7 @@ class Testbed {
 
   void plug(const UnitSetup& setup);  // each time under a new device number
   void unplug();
+  const std::string& node() const { return node_; }  // of the latest
   // Whether poll() on the node says that a transfer can be reaped.
   void set_reapable(bool reapable);
 

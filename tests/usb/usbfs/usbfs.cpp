@@ -62,7 +62,7 @@ Request request_of(std::span<const std::byte> setup) {
 int Usbfs::ioctl(unsigned long request, UMockdevIoctlData& arg) {
   if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) return reap(arg);
   if (request == USBDEVFS_DISCARDURB) return discard(arg);
-  if (!port_.unit().on_bus()) return -ENODEV;
+  if (gone()) return -ENODEV;
   switch (request) {
     case USBDEVFS_SUBMITURB:
       return submit(arg);
@@ -191,6 +191,7 @@ int Usbfs::submit_bulk(Data urb, std::uint8_t endpoint, std::size_t length) {
 }
 
 void Usbfs::collect() {
+  if (retired_) return;  // what finishes now was submitted through another node
   for (Finished& f : port_.take_finished()) {
     auto found = submitted_.extract(f.id);
     if (found.empty()) continue;
@@ -215,7 +216,7 @@ int Usbfs::discard(const UMockdevIoctlData& arg) {
 
 int Usbfs::reap(UMockdevIoctlData& arg) {
   collect();
-  if (done_.empty()) return port_.unit().on_bus() ? -EAGAIN : -ENODEV;
+  if (done_.empty()) return gone() ? -ENODEV : -EAGAIN;
   const Data where(follow(arg, 0, sizeof(void*)));
   if (!where) return -EFAULT;
   Done done = std::move(done_.front());

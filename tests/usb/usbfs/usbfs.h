@@ -1,5 +1,6 @@
 // The kernel's side of a device node (usbdevfs) for one unit on a Port: transfers are submitted, discarded
-// and reaped by ioctl, as libusb does. Everything that comes from the client is checked.
+// and reaped by ioctl, as libusb does. Everything that comes from the client is checked. A unit that left the
+// bus and came back has another node: the old one says "no device" to all but who reaps what it had.
 #pragma once
 
 #include <umockdev.h>
@@ -23,6 +24,8 @@ class Usbfs {
   // Takes over what the port has finished.
   void collect();
   bool reapable() const { return !done_.empty(); }
+  // The unit has left: this node is nobody's from now on.
+  void retire() { retired_ = true; }
   // Once after each reset request that the unit obeyed: it comes back by itself.
   bool take_reset() { return std::exchange(reset_, false); }
 
@@ -39,6 +42,7 @@ class Usbfs {
   };
 
   Outcome forward(const Request& request, std::span<const std::byte> data, std::vector<std::byte>& answer);
+  bool gone() const { return retired_ || !port_.unit().on_bus(); }
   int submit(UMockdevIoctlData& arg);
   int submit_control(Data urb, std::size_t length);
   int submit_bulk(Data urb, std::uint8_t endpoint, std::size_t length);
@@ -49,6 +53,7 @@ class Usbfs {
   int capabilities(UMockdevIoctlData& arg);
 
   Port& port_;
+  bool retired_ = false;
   bool reset_ = false;
   std::uint64_t next_ = 1;
   std::map<std::uint64_t, Data> submitted_;

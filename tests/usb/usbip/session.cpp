@@ -26,7 +26,7 @@ void Session::receive(std::span<const std::byte> bytes) {
 void Session::describe_device(Writer& out, bool with_interfaces) const {
   const UnitSetup& setup = port_.unit().setup();
   out.text("/sys/devices/pci0000:00/0000:00:14.0/usb1/1-1", path_size).text(bus_id, bus_id_size);
-  out.u32(device_id >> 16).u32(device_id & 0xFFFFU).u32(high_speed);
+  out.u32(device_id >> 16).u32(device_id & 0xFFFFU).u32(setup.speed == Speed::high ? high_speed : full_speed);
   out.u16(vendor_id).u16(setup.product).u16(setup.firmware);
   // Class, subclass and protocol of the device; configuration 1 of 1; one interface.
   out.u8(0xFF).u8(0).u8(0).u8(1).u8(1).u8(1);
@@ -54,6 +54,7 @@ bool Session::operation() {
     out.u16(version).u16(import_reply).u32(found ? 0 : 1);
     if (found) describe_device(out, false);
     imported_ = found;
+    departures_ = port_.unit().departures();
     closed_ = !found;
     in_.erase(in_.begin(), in_.begin() + op_header + bus_id_size);
   } else {
@@ -129,7 +130,8 @@ void Session::collect() {
     // An unlinked transfer has no answer of its own.
     if (under_way_.erase(static_cast<std::uint32_t>(f.id)) > 0)
       answer(static_cast<std::uint32_t>(f.id), status_of(f.outcome), f.moved, f.data);
-  if (imported_ && !port_.unit().on_bus()) closed_ = true;
+  // One that came back meanwhile is another device.
+  if (imported_ && port_.unit().departures() != departures_) closed_ = true;
 }
 
 void Session::answer(std::uint32_t sequence, int status, std::size_t length,

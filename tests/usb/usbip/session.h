@@ -46,6 +46,7 @@ class Session {
   std::vector<std::byte> in_, out_;
   std::set<std::uint32_t> under_way_;  // sequence numbers
   bool imported_ = false, closed_ = false;
+  unsigned departures_ = 0;  // of the unit, when it was imported
 };
 
 }  // namespace ferrobench::emulator::usbip

@@ -16,7 +16,7 @@ inline constexpr std::uint16_t devlist_request = 0x8005, devlist_reply = 0x0005,
 inline constexpr std::uint32_t submit = 1, unlink = 2, submit_reply = 3, unlink_reply = 4;
 inline constexpr std::uint32_t direction_out = 0, direction_in = 1;
 inline constexpr std::size_t op_header = 8, bus_id_size = 32, path_size = 256, header_size = 48;
-inline constexpr std::uint32_t high_speed = 3;
+inline constexpr std::uint32_t full_speed = 2, high_speed = 3;  // as the kernel numbers them
 
 // A command's or answer's header: the words that both kinds of it have, and the eight bytes at its end.
 struct Header {
