@@ -30,6 +30,14 @@ class Descriptor {
 
 // Empty, with errno, if it cannot be opened.
 Descriptor open_file(const std::string& path, int flags);
+std::string folder_of(const std::string& path);               // "." if it names none
+bool is_at(const std::string& path, const Descriptor& file);  // does the name (still) lead to this file?
+// A new file that has not been there, locked (below) for as long as it is open. Empty, with errno, if it
+// cannot be made. Some file systems know no locks.
+enum class LockFailure { fail, ignore };
+Descriptor create_locked(const std::string& path, LockFailure failure = LockFailure::fail, int flags = 0);
+// The file that has the name, once nobody else has it locked. Empty, with errno, if it cannot be opened.
+Descriptor open_locked(const std::string& path);
 // Is a failure with this errno one of missing room where `path` lies?
 bool is_disk_full(const std::string& path, int error);
 [[noreturn]] void throw_write_failure(const std::string& path, int error);
@@ -41,8 +49,7 @@ void rename_durably(const std::string& from, const std::string& to);
 void sync_folder_of(const std::string& path);
 
 // One holder at a time, in this process or another, and none once it has died.
-bool try_lock(const Descriptor& file);  // open for writing
-void wait_for_lock(const Descriptor& file, const std::string& path);
+bool try_lock(const Descriptor& file);   // open for writing
 bool is_locked(const Descriptor& file);  // by somebody else; looking disturbs nobody
 
 }  // namespace ferrobench::recordings

@@ -7,10 +7,14 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
+#include <variant>
 
+#include "protocols/common/error.h"
+#include "recordings/new_file.h"
 #include "recordings/recording.h"
 
 namespace ferrobench::recordings {
@@ -27,10 +31,11 @@ std::string channel_place(Channel channel);
 
 class Writer {
  public:
-  // `path` is the file to be; neither it nor its journal may be there: Error(io_error). `channels` and `raw`
-  // say which columns there will be.
+  // `path` is the file to be. If it or its journal is there: NameTaken, or, if that is to be replaced, the
+  // file stays until finish() and the journal goes now, unless somebody writes it: Error(busy). `channels`
+  // and `raw` say which columns there will be.
   Writer(const std::string& path, const Header& header, std::span<const Channel> channels,
-         std::span<const RawColumn> raw = {});
+         std::span<const RawColumn> raw = {}, Existing existing = Existing::keep);
   ~Writer();  // leaves the journal to recovery if finish() was not called
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
@@ -45,11 +50,16 @@ class Writer {
   std::chrono::steady_clock::duration waiting()
       const;  // since when the disk owes a confirmation; 0: it does not
 
+  // Does the journal still stand where it was made? If somebody has removed it or given it another name, the
+  // file is made nevertheless, but nothing is left of the recording when the program dies: no row counts as
+  // being on the disk.
+  bool is_in_place() const;
+
   // Closes the recording with segments, noise, end time (start time plus the last sample's) and status
-  // ("complete" | "aborted"), also after an append that failed. If the file cannot be made the journal stays:
-  // Error.
+  // ("complete" | "aborted"), also after an append that failed; `measured` rows there were, if more than were
+  // appended. If the file cannot be made the journal stays: Error.
   void finish(const std::string& status, const std::string& reason, std::span<const SegmentRow> segments,
-              const std::array<std::optional<double>, 5>& noise);
+              const std::array<std::optional<double>, 5>& noise, std::uint64_t measured = 0);
   void discard();  // there was nothing to record
 
  private:
@@ -59,8 +69,10 @@ class Writer {
 
 // Any file with the parts that the format marks as required is a recording, whoever wrote it.
 // Throws Error(not_found) or Error(bad_recording) with the place in the file. Where only the journal of a run
-// is there, that is read: status "running", with a reason if the run broke off.
+// is there, that is read: status "running", or "broken_off" if nobody writes it any more.
 Recording read_recording(const std::string& path);
+// Is it one of these two, so that the end is missing?
+bool is_open(const std::string& status);
 // Header, sizes, status, but no samples.
 struct Summary {
   Header header;
@@ -71,7 +83,14 @@ struct Summary {
   std::size_t segment_count = 0, event_count = 0;
 };
 Summary read_summary(const std::string& path);
-// In one go. A file that was there is replaced once the new one is whole.
-void write_recording(const std::string& path, const Recording& recording);
+// Of many, in the order asked for, in little more time than of one.
+using SummaryOrError = std::variant<Summary, Error>;
+std::vector<SummaryOrError> read_summaries(std::span<const std::string> paths);
+// In one go. A file that was there is replaced once the new one is whole, or NameTaken.
+void write_recording(const std::string& path, const Recording& recording,
+                     Existing existing = Existing::replace);
+// Reads a file, lets `change` change what it says, and writes it anew. One after the other, whichever program
+// asks: no change is lost.
+void change_recording(const std::string& path, const std::function<void(Recording&)>& change);
 
 }  // namespace ferrobench::recordings

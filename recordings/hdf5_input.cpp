@@ -14,8 +14,8 @@ namespace {
 constexpr double most_bytes = 32e9;       // of one dataset
 constexpr double most_text_bytes = 32e6;  // of one text, or of all the texts of a list
 constexpr double most_chunk_bytes = 256e6;
-constexpr double deflate_ratio = 1032;          // the most that deflate can expand
-constexpr std::uint64_t block_rows = 1u << 20;  // per call: the library's lock is not held for long
+constexpr double deflate_ratio = 1032;  // the most that deflate can expand
+constexpr std::uint64_t block_rows = 1u << 20;
 
 // Bytes that are not UTF-8 become U+FFFD, so that any text read can go into JSON and HTML.
 std::string utf8(std::string_view text) {
@@ -28,14 +28,17 @@ double elements(const Handle& space) {
   return count < 0 ? std::numeric_limits<double>::infinity() : static_cast<double>(count);
 }
 
-// One of the usual kinds. The library converts any layout of bits that a file describes, and believes what it
-// says.
 bool is_number(const Handle& type) {
-  const std::array usual{H5T_IEEE_F64LE, H5T_IEEE_F32LE, H5T_STD_I64LE, H5T_STD_I32LE, H5T_STD_I16LE,
-                         H5T_STD_I8LE,   H5T_STD_U64LE,  H5T_STD_U32LE, H5T_STD_U16LE, H5T_STD_U8LE,
-                         H5T_IEEE_F64BE, H5T_IEEE_F32BE, H5T_STD_I64BE, H5T_STD_I32BE, H5T_STD_I16BE,
-                         H5T_STD_I8BE,   H5T_STD_U64BE,  H5T_STD_U32BE, H5T_STD_U16BE, H5T_STD_U8BE};
-  return std::ranges::any_of(usual, [&](hid_t kind) { return H5Tequal(type.get(), kind) > 0; });
+  const auto kind = H5Tget_class(type.get());
+  return kind == H5T_INTEGER || kind == H5T_FLOAT;
+}
+
+// Rows of a chunk; 0 if there are no chunks.
+std::uint64_t chunk_rows(const Handle& set) {
+  const auto how = properties(H5Dget_create_plist(set.get()));
+  std::array<hsize_t, H5S_MAX_RANK> chunk{};
+  const bool chunked = H5Pget_layout(how.get()) == H5D_CHUNKED;
+  return chunked && H5Pget_chunk(how.get(), H5S_MAX_RANK, chunk.data()) > 0 ? chunk[0] : 0;
 }
 
 }  // namespace
@@ -122,27 +125,35 @@ Input::Size Input::numeric_size(const std::string& place) const {
 }
 
 void Input::read_rows(const Handle& set, const std::string& place, hid_t type, std::size_t item, Size size,
-                      void* data) const {
+                      void* data, const std::function<void(std::size_t)>& after_block) const {
   const auto extent = space(H5Dget_space(set.get()));
   const int rank = size.columns == 0 ? 1 : 2;
-  for (std::uint64_t first = 0; first < size.rows; first += block_rows) {
+  const auto block = std::max(block_rows, chunk_rows(set));  // a chunk is unpacked as a whole
+  for (std::uint64_t first = 0; first < size.rows; first += block) {
     const std::array<hsize_t, 2> start{first, 0};
-    const std::array<hsize_t, 2> count{std::min(block_rows, size.rows - first), size.columns};
+    const std::array<hsize_t, 2> count{std::min(block, size.rows - first), size.columns};
     const auto memory = space(H5Screate_simple(rank, count.data(), nullptr));
     auto* to = static_cast<char*>(data) + first * std::max<std::uint64_t>(1, size.columns) * item;
     if (H5Sselect_hyperslab(extent.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
         H5Dread(set.get(), type, memory.get(), extent.get(), H5P_DEFAULT, to) < 0)
       fail(place, "could not be read", "its data are damaged, or packed by a filter that is not known here");
+    if (after_block) after_block(first + count[0]);
   }
 }
 
-std::vector<double> Input::numbers(const std::string& place, std::uint64_t rows) const {
+void Input::numbers(const std::string& place, std::span<double> to,
+                    const std::function<void(std::size_t)>& after_block) const {
   Size size;
   const auto set = open_numeric(place, size);
   if (size.columns != 0) fail(place, "must have one dimension");
-  if (size.rows < rows) fail(place, "is shorter than the others");
+  if (size.rows < to.size()) fail(place, "is shorter than the others");
+  read_rows(set, place, H5T_NATIVE_DOUBLE, sizeof(double), {to.size(), 0}, to.data(), after_block);
+}
+
+std::vector<double> Input::numbers(const std::string& place, std::uint64_t rows) const {
+  if (rows > numeric_size(place).rows) fail(place, "is shorter than the others");
   std::vector<double> out(rows);
-  read_rows(set, place, H5T_NATIVE_DOUBLE, sizeof(double), {rows, 0}, out.data());
+  numbers(place, out);
   return out;
 }
 
@@ -170,14 +181,13 @@ std::vector<std::int64_t> Input::integers(const std::string& place, std::uint64_
   return out;
 }
 
-std::vector<std::int16_t> Input::counts(const std::string& place, std::uint64_t rows) const {
+void Input::counts(const std::string& place, std::size_t columns, std::span<std::int16_t> to) const {
   Size size;
   const auto set = open_numeric(place, size);
-  if (size.columns == 0) fail(place, "must have two dimensions");
+  if (size.columns != columns) fail(place, "must have two dimensions, the second of its channels");
+  const auto rows = to.size() / columns;
   if (size.rows < rows) fail(place, "is shorter than the others");
-  std::vector<std::int16_t> out(rows * size.columns);
-  read_rows(set, place, H5T_NATIVE_INT16, sizeof(std::int16_t), {rows, size.columns}, out.data());
-  return out;
+  read_rows(set, place, H5T_NATIVE_INT16, sizeof(std::int16_t), {rows, columns}, to.data());
 }
 
 std::optional<double> Input::number(const std::string& place) const {
@@ -206,40 +216,6 @@ std::optional<std::int64_t> Input::integer(const std::string& place) const {
   return static_cast<std::int64_t>(value);
 }
 
-const Texts& Input::variable_texts(const std::string& place) const {
-  if (texts_) return *texts_;
-  const auto how = properties(H5Fget_create_plist(file_.get()));
-  hsize_t user_block = 0;
-  std::size_t address_bytes = 0, size_bytes = 0;
-  if (H5Pget_userblock(how.get(), &user_block) < 0 ||
-      H5Pget_sizes(how.get(), &address_bytes, &size_bytes) < 0 || user_block != 0 || address_bytes != 8 ||
-      size_bytes != 8)
-    fail(place, "is text of variable length in a file of an unusual kind",
-         "write it as text of fixed length");
-  texts_ = std::make_unique<Texts>(path_);
-  return *texts_;
-}
-
-std::vector<std::string> Input::read_variable(const Handle& set, std::size_t count,
-                                              const std::string& place) const {
-  const auto& known = variable_texts(place);
-  std::vector<std::string> out;
-  if (count == 0) return out;
-  const auto offset = H5Dget_offset(set.get());
-  if (offset == HADDR_UNDEF)
-    fail(place, "is text of variable length in a chunked dataset",
-         "write it as text of fixed length, or unchunked");
-  double bytes = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto text = known.at(offset + 16 * i);
-    if (!text) fail(place, "is damaged: text " + std::to_string(i) + " leads nowhere");
-    bytes += static_cast<double>(text->size());
-    if (bytes > most_text_bytes) fail(place, "is too long");
-    out.push_back(utf8(text->substr(0, text->find('\0'))));
-  }
-  return out;
-}
-
 std::vector<std::string> Input::read_texts(const Handle& type, const Handle& extent, const Reader& read,
                                            const std::string& place) const {
   if (H5Tget_class(type.get()) != H5T_STRING) fail(place, "must be text");
@@ -250,7 +226,6 @@ std::vector<std::string> Input::read_texts(const Handle& type, const Handle& ext
   std::vector<std::string> out(static_cast<std::size_t>(count));
   auto memory = hdf5::type(H5Tcopy(type.get()));  // character set and padding as they are
   if (variable) {
-    if (!variable_texts(place).sound_after(place.substr(place.rfind('@') + 1))) fail(place, "is damaged");
     std::vector<char*> texts(out.size(), nullptr);
     const bool done = out.empty() || read(memory.get(), static_cast<void*>(texts.data())) >= 0;
     for (std::size_t i = 0; done && i < out.size(); ++i)
@@ -277,8 +252,6 @@ std::vector<std::string> Input::texts(const std::string& place) const {
   const auto kind = type(H5Dget_type(set.get()));
   const auto extent = space(H5Dget_space(set.get()));
   check_storage(set, place, elements(extent) * static_cast<double>(H5Tget_size(kind.get())));
-  if (H5Tis_variable_str(kind.get()) > 0)
-    return read_variable(set, static_cast<std::size_t>(elements(extent)), place);
   return read_texts(
       kind, extent,
       [&](hid_t memory, void* data) {

@@ -5,14 +5,12 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "recordings/hdf5.h"
-#include "recordings/hdf5_texts.h"
 
 namespace ferrobench::recordings::hdf5 {
 
@@ -34,12 +32,15 @@ class Input {
     std::uint64_t columns = 0;
   };
   Size numeric_size(const std::string& place) const;
-  // The first `rows` rows of a numeric dataset.
+  // The first rows of a numeric dataset, as many as `to` takes; `after_block` hears how many are there.
+  void numbers(const std::string& place, std::span<double> to,
+               const std::function<void(std::size_t done)>& after_block = nullptr) const;
   std::vector<double> numbers(const std::string& place, std::uint64_t rows) const;
   // Last minus first of the first `rows` numbers, without reading those between.
   double span_of(const std::string& place, std::uint64_t rows) const;
   std::vector<std::int64_t> integers(const std::string& place, std::uint64_t rows) const;
-  std::vector<std::int16_t> counts(const std::string& place, std::uint64_t rows) const;
+  // Of `columns` columns, row after row.
+  void counts(const std::string& place, std::size_t columns, std::span<std::int16_t> to) const;
   std::vector<std::string> texts(const std::string& place) const;
 
   std::optional<std::string> text_attribute(const std::string& place, const char* name) const;
@@ -55,17 +56,13 @@ class Input {
   Handle open_attribute(const std::string& place, const char* name) const;
   void check_storage(const Handle& set, const std::string& place, double bytes) const;
   void read_rows(const Handle& set, const std::string& place, hid_t type, std::size_t item, Size size,
-                 void* data) const;
-  const Texts& variable_texts(const std::string& place) const;
-  std::vector<std::string> read_variable(const Handle& set, std::size_t count,
-                                         const std::string& place) const;
+                 void* data, const std::function<void(std::size_t done)>& after_block = nullptr) const;
   using Reader = std::function<herr_t(hid_t type, void* data)>;
   std::vector<std::string> read_texts(const Handle& type, const Handle& extent, const Reader& read,
                                       const std::string& place) const;
 
   std::string path_;
   Handle file_;
-  mutable std::unique_ptr<Texts> texts_;  // made when a text of variable length is first wanted
 };
 
 }  // namespace ferrobench::recordings::hdf5

@@ -1,6 +1,5 @@
 #include "recordings/hdf5_target.h"
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -98,10 +97,6 @@ hid_t driver() {
 
 }  // namespace
 
-Target::Target(const std::string& path) : path_(path), file_(open_file(path, O_RDWR | O_CREAT | O_TRUNC)) {
-  if (!file_) throw_write_failure(path_, errno);
-}
-
 Handle Target::access() {
   auto out = unlocked_access();
   Target* self = this;
@@ -110,13 +105,13 @@ Handle Target::access() {
 }
 
 void Target::check() const {
-  if (failure_ != 0) throw_write_failure(path_, failure_);
+  if (failure_ != 0) throw_write_failure(file_.path(), failure_);
 }
 
 void Target::write(std::uint64_t place, const char* bytes, std::size_t count) {
   size_ = std::max<std::uint64_t>(size_, place + count);
   while (count > 0 && failure_ == 0) {
-    const auto written = pwrite(file_.get(), bytes, count, static_cast<off_t>(place));
+    const auto written = pwrite(file_.descriptor().get(), bytes, count, static_cast<off_t>(place));
     if (written < 0 && errno == EINTR) continue;
     if (written <= 0) {
       failure_ = written < 0 ? errno : EIO;
@@ -130,7 +125,7 @@ void Target::write(std::uint64_t place, const char* bytes, std::size_t count) {
 
 void Target::read(std::uint64_t place, char* bytes, std::size_t count) {
   while (count > 0) {
-    const auto got = pread(file_.get(), bytes, count, static_cast<off_t>(place));
+    const auto got = pread(file_.descriptor().get(), bytes, count, static_cast<off_t>(place));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && failure_ == 0) failure_ = errno;
     if (got <= 0) break;
@@ -143,7 +138,7 @@ void Target::read(std::uint64_t place, char* bytes, std::size_t count) {
 
 void Target::cut(std::uint64_t size) {
   size_ = size;
-  while (failure_ == 0 && ftruncate(file_.get(), static_cast<off_t>(size)) != 0)
+  while (failure_ == 0 && ftruncate(file_.descriptor().get(), static_cast<off_t>(size)) != 0)
     if (errno != EINTR) failure_ = errno;
 }
 

@@ -6,14 +6,14 @@
 #include <cstdint>
 #include <string>
 
-#include "recordings/durable_file.h"
 #include "recordings/hdf5.h"
+#include "recordings/new_file.h"
 
 namespace ferrobench::recordings::hdf5 {
 
 class Target {
  public:
-  explicit Target(const std::string& path);  // an empty file; replaces what was there
+  explicit Target(const NewFile& file) : file_(file) {}
 
   // Access properties for H5Fcreate, which then writes here. This must outlive the HDF5 file.
   Handle access();
@@ -26,8 +26,7 @@ class Target {
   std::uint64_t size() const { return size_; }
 
  private:
-  std::string path_;
-  Descriptor file_;
+  const NewFile& file_;
   std::uint64_t size_ = 0;
   int failure_ = 0;  // errno
 };

@@ -192,12 +192,25 @@ std::string ending_text(const Ending& ending) {
                {"status", ending.status},
                {"reason", ending.reason},
                {"segments", segments},
-               {"noise", noise_json(ending.noise)}});
+               {"noise", noise_json(ending.noise)},
+               {"rows_lost", ending.rows_lost}});
+}
+
+std::optional<Event> loss_of(const Ending& ending, std::uint64_t rows, double last_time) {
+  if (ending.rows_lost == 0) return std::nullopt;
+  return Event{last_time, "gap",
+               std::to_string(ending.rows_lost) + " of " + std::to_string(rows + ending.rows_lost) +
+                   " samples are missing: those after this moment were measured and could not be recorded"};
 }
 
 Ending ending_of(std::string_view text) {
   return read(text, "/end", [](const json& given) {
-    Ending out{given.at("end_time"), given.at("status"), given.at("reason"), {}, {}};
+    Ending out{given.at("end_time"),
+               given.at("status"),
+               given.at("reason"),
+               {},
+               {},
+               given.value("rows_lost", std::uint64_t{0})};
     for (const auto& s : given.at("segments"))
       out.segments.push_back({s.at("start"), s.at("end"), s.at("kind"), s.at("label"), number_at(s, "level"),
                               number_at(s, "rate")});

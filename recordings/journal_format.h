@@ -52,7 +52,10 @@ struct Ending {
   std::string end_time, status, reason;
   std::vector<SegmentRow> segments;
   std::array<std::optional<double>, 5> noise;
+  std::uint64_t rows_lost = 0;  // measured after the last one here, and not recorded
 };
+// The event that says so; none if nothing was lost.
+std::optional<Event> loss_of(const Ending& ending, std::uint64_t rows, double last_time);
 
 // Columns of rows that belong to somebody else's memory, and their own.
 struct Columns {

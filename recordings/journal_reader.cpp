@@ -5,12 +5,12 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <limits>
 
 #include "protocols/common/error.h"
 #include "recordings/journal_writer.h"
+#include "recordings/sound.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -126,6 +126,10 @@ bool is_journal(const std::string& path) {
          std::string_view(start, 4) == "FBJR";
 }
 
+bool is_open(const std::string& status) {
+  return status == "running" || status == "broken_off";
+}
+
 namespace {
 
 struct State {
@@ -135,7 +139,7 @@ struct State {
 State state_of(const JournalReader& journal) {
   if (const auto& end = journal.ending()) return {end->status, end->reason, end->end_time};
   if (journal.is_being_written()) return {};
-  return {.reason = "broke off; 'ferrobench recover' makes the file whole", .end_time = {}};
+  return {.status = "broken_off", .reason = "'ferrobench recover' makes the file whole", .end_time = {}};
 }
 
 JournalReader open_begun(const std::string& path) {
@@ -148,10 +152,7 @@ JournalReader open_begun(const std::string& path) {
 }  // namespace
 
 Recording read_journal(const std::string& path) {
-  return read_journal(open_begun(path), path);
-}
-
-Recording read_journal(const JournalReader& journal, const std::string& path) {
+  const auto journal = open_begun(path);
   const auto& begin = journal.begin();
   auto [status, reason, end_time] = state_of(journal);
   Recording r;
@@ -161,21 +162,14 @@ Recording read_journal(const JournalReader& journal, const std::string& path) {
   r.end_time = std::move(end_time);
   r.events = journal.events();
   if (const auto& end = journal.ending()) {
-    r.segments = end->segments;
+    r.segments = within(end->segments, journal.rows());
     r.noise = end->noise;
   }
   Columns all;
   journal.read(std::numeric_limits<std::size_t>::max(), [&](const Columns& columns) { all = columns; });
-  for (std::size_t i = 0; i < all.time.size(); ++i)
-    if (!std::isfinite(all.time[i]) || (i > 0 && !(all.time[i] > all.time[i - 1])))
-      fail(path, "its time does not rise at sample " + std::to_string(i));
   r.time = std::move(all.time);
-  for (const auto channel : begin.channels) {
-    auto& values = all.channels.at(static_cast<std::size_t>(channel));
-    if (std::ranges::any_of(values, [](double v) { return std::isinf(v); }))
-      fail(path, std::string(channel_name(channel)) + " is infinite somewhere");
-    r.set(channel) = std::move(values);
-  }
+  for (const auto channel : begin.channels)
+    r.set(channel) = std::move(all.channels.at(static_cast<std::size_t>(channel)));
   if (!begin.raw.empty()) r.raw = Raw{begin.raw, std::move(all.counts)};
   return r;
 }

@@ -62,10 +62,8 @@ class JournalReader {
 
 // Does the file begin as a journal does?
 bool is_journal(const std::string& path);
-// A journal as a recording: status "running", or what its end says. Error(bad_recording) where its values
-// make none.
+// A journal as a recording: status "running" or "broken_off", or what its end says.
 Recording read_journal(const std::string& path);
-Recording read_journal(const JournalReader& journal, const std::string& path);
 Summary summarize_journal(const std::string& path);
 
 }  // namespace ferrobench::recordings

@@ -1,12 +1,12 @@
 #include "recordings/journal_writer.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 
 #include "protocols/common/error.h"
+#include "recordings/new_file.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -14,19 +14,11 @@ namespace {
 constexpr std::chrono::milliseconds sync_interval{50};
 constexpr std::size_t most_rows = 8192;  // in a record
 
-// Somebody who found the file before it was locked may have taken it for a leftover and removed it.
-bool has_name(const Descriptor& file) {
-  struct stat info {};
-  return fstat(file.get(), &info) == 0 && info.st_nlink > 0;
-}
-
-Descriptor create_locked(const std::string& path) {
-  for (;;) {
-    auto file = open_file(path, O_RDWR | O_CREAT | O_EXCL | O_APPEND);
-    if (!file) throw_write_failure(path, errno);
-    wait_for_lock(file, path);
-    if (has_name(file)) return file;
-  }
+Descriptor create_journal(const std::string& path) {
+  auto file = create_locked(path, LockFailure::fail, O_APPEND);
+  if (!file && errno == EEXIST) throw NameTaken(path);
+  if (!file) throw_write_failure(path, errno);
+  return file;
 }
 
 }  // namespace
@@ -36,7 +28,7 @@ std::string journal_path(const std::string& recording) {
 }
 
 JournalWriter::JournalWriter(const std::string& path, Begin begin)
-    : path_(path), begin_(std::move(begin)), file_(create_locked(path)) {
+    : path_(path), begin_(std::move(begin)), file_(create_journal(path)) {
   try {
     add(RecordKind::begin, 0, begin_text(begin_));
     if (const int error = sync_data(file_)) throw_write_failure(path_, error);
@@ -111,8 +103,10 @@ void JournalWriter::keep_synced() {
     const auto begin = std::chrono::steady_clock::now();
     lock.unlock();
     const int error = sync_data(file_);
+    const bool in_place = is_at(path_, file_);
     lock.lock();
     failure_ = error;
+    in_place_ = in_place_ && in_place;
     if (error == 0) {
       synced_ = bytes;
       rows_synced_ = rows;
@@ -134,13 +128,25 @@ void JournalWriter::sync() {
 }
 
 void JournalWriter::remove() {
+  if (!is_at(path_, file_)) return;
   if (unlink(path_.c_str()) != 0 && errno != ENOENT) throw_write_failure(path_, errno);
   sync_folder_of(path_);
 }
 
 std::uint64_t JournalWriter::rows_on_disk() const {
   const std::scoped_lock lock(mutex_);
-  return rows_synced_;
+  return in_place_ ? rows_synced_ : 0;
+}
+
+bool JournalWriter::is_in_place() const {
+  const std::scoped_lock lock(mutex_);
+  return in_place_;
+}
+
+Descriptor JournalWriter::file() const {
+  Descriptor out(fcntl(file_.get(), F_DUPFD_CLOEXEC, 0));
+  if (!out) throw_write_failure(path_, errno);
+  return out;
 }
 
 std::chrono::steady_clock::duration JournalWriter::waiting() const {

@@ -44,9 +44,9 @@ std::string channel_place(Channel channel) {
   return "/entry/data/" + std::string(channel_name(channel));
 }
 
-OutputFile::OutputFile(const std::string& path, const Header& header, std::span<const Channel> channels,
+OutputFile::OutputFile(const NewFile& file, const Header& header, std::span<const Channel> channels,
                        std::span<const RawColumn> raw, std::uint64_t rows)
-    : rows_(rows), raw_width_(raw.size()), target_(path), out_(create(target_, path), path) {
+    : rows_(rows), raw_width_(raw.size()), target_(file), out_(create(target_, file.path()), file.path()) {
   write_header(header);
   make_columns(header, channels);
   out_.group("/entry/events", "NXcollection");

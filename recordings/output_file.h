@@ -21,8 +21,8 @@ struct Closing {
 
 class OutputFile {
  public:
-  // Replaces what was there; `rows` rows, shuffled and compressed, with checksums on its structure and data.
-  OutputFile(const std::string& path, const Header& header, std::span<const Channel> channels,
+  // `rows` rows, shuffled and compressed, with checksums on its structure and data.
+  OutputFile(const NewFile& file, const Header& header, std::span<const Channel> channels,
              std::span<const RawColumn> raw, std::uint64_t rows);
 
   void write(std::uint64_t first, const Rows& rows);  // from index `first` on

@@ -1,28 +1,12 @@
 #include "recordings/pack.h"
 
-#include <filesystem>
-
 #include "protocols/common/error.h"
 #include "recordings/hdf5_input.h"
 #include "recordings/output_file.h"
+#include "recordings/sound.h"
 
 namespace ferrobench::recordings {
 namespace {
-
-std::string part_name(const std::string& path) {
-  return path + ".part";
-}
-
-std::vector<SegmentRow> within(std::span<const SegmentRow> segments, std::uint64_t rows) {
-  std::vector<SegmentRow> out;
-  const auto end = static_cast<std::int64_t>(rows);
-  for (auto segment : segments) {
-    if (segment.start_sample >= end) continue;
-    segment.end_sample = std::min(segment.end_sample, end);
-    out.push_back(std::move(segment));
-  }
-  return out;
-}
 
 // What was written is looked at once more before it takes the place of anything.
 void check(const std::string& path, const Begin& begin, std::uint64_t rows) {
@@ -35,31 +19,25 @@ void check(const std::string& path, const Begin& begin, std::uint64_t rows) {
 }
 
 template <class WriteRows>
-void make(const std::string& path, const Begin& begin, std::uint64_t rows, std::span<const Event> events,
-          const Closing& closing, WriteRows&& write_rows) {
-  const auto part = part_name(path);
-  try {
-    OutputFile file(part, begin.header, begin.channels, begin.raw, rows);
-    write_rows(file);
-    file.write_events(events);
-    file.write_closing(closing);
-    file.flush();
-    file.close();
-    check(part, begin, rows);
-    rename_durably(part, path);
-  } catch (const Error&) {
-    std::error_code ignored;
-    std::filesystem::remove(part, ignored);
-    throw;
-  }
+void make(const std::string& path, Existing existing, const Begin& begin, std::uint64_t rows,
+          std::span<const Event> events, const Closing& closing, WriteRows&& write_rows) {
+  NewFile out(path, existing);
+  OutputFile file(out, begin.header, begin.channels, begin.raw, rows);
+  write_rows(file);
+  file.write_events(events);
+  file.write_closing(closing);
+  file.flush();
+  file.close();
+  check(out.draft(), begin, rows);
+  out.put();
 }
 
 }  // namespace
 
 void pack(const JournalReader& journal, const Ending& ending, std::span<const Event> events,
-          const std::string& path, const std::function<void(double)>& progress) {
+          const std::string& path, Existing existing, const std::function<void(double)>& progress) {
   const auto segments = within(ending.segments, journal.rows());
-  make(path, journal.begin(), journal.rows(), events,
+  make(path, existing, journal.begin(), journal.rows(), events,
        {ending.end_time, ending.status, ending.reason, segments, ending.noise}, [&](OutputFile& file) {
          std::uint64_t done = 0;
          journal.read(OutputFile::chunk_rows, [&](const Columns& columns) {
@@ -70,7 +48,7 @@ void pack(const JournalReader& journal, const Ending& ending, std::span<const Ev
        });
 }
 
-void pack(const Recording& recording, const std::string& path) {
+void pack(const Recording& recording, const std::string& path, Existing existing) {
   Begin begin{recording.header, {}, {}};
   Rows rows{.time = recording.time, .channels = {}, .counts = {}};
   for (const auto channel : all_channels) {
@@ -82,7 +60,7 @@ void pack(const Recording& recording, const std::string& path) {
     begin.raw = recording.raw->columns;
     rows.counts = recording.raw->counts;
   }
-  make(path, begin, recording.size(), recording.events,
+  make(path, existing, begin, recording.size(), recording.events,
        {recording.end_time, recording.status, recording.reason, recording.segments, recording.noise},
        [&](OutputFile& file) { file.write(0, rows); });
 }

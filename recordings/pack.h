@@ -3,13 +3,14 @@
 #pragma once
 
 #include "recordings/journal_reader.h"
+#include "recordings/new_file.h"
 
 namespace ferrobench::recordings {
 
-// Replaces what was at `path`. Segments are cut to the rows that there are. `progress` hears of the share
+// Segments are cut to the rows that there are. `progress` hears of the share
 // done, 0 to 1.
 void pack(const JournalReader& journal, const Ending& ending, std::span<const Event> events,
-          const std::string& path, const std::function<void(double)>& progress = nullptr);
-void pack(const Recording& recording, const std::string& path);
+          const std::string& path, Existing existing, const std::function<void(double)>& progress = nullptr);
+void pack(const Recording& recording, const std::string& path, Existing existing);
 
 }  // namespace ferrobench::recordings

@@ -1,184 +1,129 @@
 #include "recordings/read_apart.h"
 
 #include <fcntl.h>
-#include <spawn.h>
-#include <sys/mman.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <limits>
+#include <cstdlib>
 
-#include "protocols/common/error.h"
+#include "recordings/apart_child.h"
+#include "recordings/apart_process.h"
 
 namespace ferrobench::recordings {
-
-using nlohmann::json;
-
 namespace {
-
-constexpr std::string_view child_name = "ferrobench: reads a file apart";
-constexpr int handed_over = 3;  // the child's descriptor of the journal
-constexpr std::size_t portion = 32768;
-constexpr std::string_view all = "all", summary = "summary";  // what it is asked for
-enum Outcome { whole = 0, refused = 10 };                     // a sanitizer ends a program with 1
-
-void hand_over(const Recording& r, const Descriptor& to) {
-  std::uint64_t sequence = 0;
-  const auto put = [&](RecordKind kind, std::size_t rows, std::string_view payload) {
-    write_all(to, encode(kind, sequence++, static_cast<std::uint32_t>(rows), payload), "");
-  };
-  Begin begin{.header = r.header, .channels = {}, .raw = r.raw ? r.raw->columns : std::vector<RawColumn>{}};
-  Rows rows{.time = r.time, .channels = {}, .counts = {}};
-  for (const auto channel : all_channels) {
-    if (!r.has(channel)) continue;
-    begin.channels.push_back(channel);
-    rows.channels.at(static_cast<std::size_t>(channel)) = r.at(channel);
-  }
-  if (r.raw) rows.counts = r.raw->counts;
-  put(RecordKind::begin, 0, begin_text(begin));
-  for (std::size_t first = 0; first < r.size(); first += portion) {
-    const auto count = std::min(portion, r.size() - first);
-    put(RecordKind::rows, count, rows_payload(begin, rows, first, count));
-  }
-  for (const auto& event : r.events) put(RecordKind::event, 0, event_text(event));
-  put(RecordKind::end, 0, ending_text({r.end_time, r.status, r.reason, r.segments, r.noise}));
-}
-
-// Two lines of JSON: what a journal begins with, and the rest.
-void hand_over(const Summary& s, const Descriptor& to) {
-  const json rest{{"status", s.status},     {"reason", s.reason},     {"end_time", s.end_time},
-                  {"rows", s.rows},         {"duration", s.duration}, {"segments", s.segment_count},
-                  {"events", s.event_count}};
-  write_all(to,
-            begin_text({.header = s.header, .channels = s.channels, .raw = {}}) + "\n" +
-                rest.dump(-1, ' ', false, json::error_handler_t::replace),
-            "");
-}
-
-void bound_resources(const std::string& path) {
-  close_range(handed_over + 1, ~0U, 0);
-  struct stat info {};
-  stat(path.c_str(), &info);
-  const auto seconds = static_cast<rlim_t>(60 + info.st_size / 1'000'000);
-  const rlimit none{0, 0}, time{seconds, seconds};
-  setrlimit(RLIMIT_CORE, &none);
-  setrlimit(RLIMIT_CPU, &time);
-}
 
 // Before main(), so that it works in whatever program this library is part of.
 [[gnu::constructor]] void read_if_asked(int argc, char** argv) {
-  if (argc != 3 || argv[0] != child_name) return;
-  const Descriptor to(handed_over);
-  try {
-    bound_resources(argv[1]);
-    if (argv[2] == summary)
-      hand_over(summarize_hdf5(argv[1]), to);
-    else
-      hand_over(read_hdf5(argv[1]), to);
-    _exit(whole);
-  } catch (const Error& error) {
-    auto text = error.data();
-    text["message"] = error.message();
-    if (ftruncate(to.get(), 0) == 0 && lseek(to.get(), 0, SEEK_SET) == 0)
-      write_all(to, text.dump(-1, ' ', false, json::error_handler_t::replace), "");
-    _exit(refused);
-  } catch (...) {
-    _exit(EXIT_FAILURE);
+  if (argc == 4 && argv[0] == child_name)
+    serve_as_child(argv[1], std::strtol(argv[2], nullptr, 10), std::strtod(argv[3], nullptr));
+}
+
+// Columns out of the shared memory, which each of them leaves as it is taken.
+class SharedColumns {
+ public:
+  SharedColumns(const Descriptor& from, const std::string& path) : from_(from), path_(path) {}
+
+  template <class Value>
+  void take(std::vector<Value>& out, std::uint64_t count) {
+    out.resize(count);
+    auto* to = reinterpret_cast<char*>(out.data());
+    const auto end = at_ + static_cast<off_t>(count * sizeof(Value));
+    while (at_ < end) {
+      constexpr off_t portion = 1 << 26;
+      const auto got = pread(from_.get(), to, static_cast<std::size_t>(std::min(portion, end - at_)), at_);
+      if (got <= 0)
+        throw unreadable(path_, ErrorCode::bad_recording, "makes the HDF5 library crash: it is damaged");
+      fallocate(from_.get(), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, at_, got);
+      at_ += got;
+      to += got;
+    }
   }
-}
 
-[[noreturn]] void fail_apart(const std::string& path, ErrorCode code, const std::string& message) {
-  throw Error(code, "the file is not a readable recording", Problem{.message = message, .given = path});
-}
-
-std::string text_in(const Descriptor& from) {
-  const auto bytes = std::max<off_t>(0, lseek(from.get(), 0, SEEK_END));
-  std::string text(std::min(most_payload, static_cast<std::uint64_t>(bytes)), '\0');
-  const auto count = pread(from.get(), text.data(), text.size(), 0);
-  text.resize(static_cast<std::size_t>(std::max<ssize_t>(0, count)));
-  return text;
-}
-
-[[noreturn]] void throw_told(const Descriptor& from, const std::string& path) {
-  const auto told = json::parse(text_in(from), nullptr, false);
-  if (told.is_discarded()) fail_apart(path, ErrorCode::bad_recording, "is damaged");
-  std::vector<Problem> problems;
-  for (const auto& p : told.at("problems"))
-    problems.push_back({.path = p.value("path", ""),
-                        .message = p.value("message", ""),
-                        .given = p.value("given", json()),
-                        .allowed = p.value("allowed", json()),
-                        .unit = p.value("unit", ""),
-                        .hint = p.value("hint", "")});
-  const auto found = std::ranges::find(error_table(), told.at("name").get<std::string>(), &ErrorEntry::name);
-  throw Error(found->code, told.at("message"), std::move(problems));
-}
-
-// What the child hands over; Error as it told, or as it ended.
-Descriptor told_by_child(const std::string& path, std::string_view what) {
-  Descriptor told(memfd_create("recording", MFD_CLOEXEC));
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_adddup2(&actions, told.get(), handed_over);
-  std::string name(child_name), given(path), wanted(what);
-  const std::array<char*, 4> arguments{name.data(), given.data(), wanted.data(), nullptr};
-  pid_t child = 0;
-  const int failed =
-      told ? posix_spawn(&child, "/proc/self/exe", &actions, nullptr, arguments.data(), environ) : errno;
-  posix_spawn_file_actions_destroy(&actions);
-  if (failed != 0) fail_apart(path, ErrorCode::io_error, "no process could be started to read it");
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == whole) return told;
-  if (WIFEXITED(status) && WEXITSTATUS(status) == refused) throw_told(told, path);
-  fail_apart(path, ErrorCode::bad_recording,
-             WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU
-                 ? "takes the HDF5 library too long: it is damaged"
-                 : "makes the HDF5 library crash: it is damaged");
-}
+ private:
+  const Descriptor& from_;
+  const std::string& path_;
+  off_t at_ = 0;
+};
 
 }  // namespace
 
-// Signature, then the version of the superblock; from 2 on, all parts have checksums.
-bool has_checksums(const std::string& path) {
-  constexpr std::string_view signature("\x89HDF\r\n\x1a\n", 8);
-  const auto file = open_file(path, O_RDONLY | O_NONBLOCK);
-  std::array<char, signature.size() + 1> start{};
-  return file && pread(file.get(), start.data(), start.size(), 0) == static_cast<ssize_t>(start.size()) &&
-         std::string_view(start.data(), signature.size()) == signature && start.back() >= 2;
+ReadLimits limits_for(const std::string& path) {
+  struct stat info {};
+  stat(path.c_str(), &info);
+  const std::chrono::seconds seconds(10 + info.st_size / 10'000'000);
+  const double memory =
+      static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
+  return {.processor = seconds, .clock = 3 * seconds, .recording_bytes = memory / 2};
 }
 
-JournalReader read_apart(const std::string& path) {
-  return {told_by_child(path, all), path};
+Recording read_apart(const std::string& path) {
+  return read_apart(path, limits_for(path));
 }
 
-Summary summarize_apart(const std::string& path) {
-  const auto text = text_in(told_by_child(path, summary));
-  const auto end = std::min(text.find('\n'), text.size());
-  auto begin = begin_of(text.substr(0, end));
-  try {
-    const auto rest = json::parse(text.substr(end));
-    const auto& duration = rest.at("duration");
-    return {
-        .header = std::move(begin.header),
-        .path = path,
-        .status = rest.at("status"),
-        .reason = rest.at("reason"),
-        .end_time = rest.at("end_time"),
-        .rows = rest.at("rows"),
-        .duration = duration.is_null() ? std::numeric_limits<double>::quiet_NaN() : duration.get<double>(),
-        .channels = std::move(begin.channels),
-        .segment_count = rest.at("segments"),
-        .event_count = rest.at("events")};
-  } catch (const json::exception&) {
-    fail_apart(path, ErrorCode::bad_recording, "is damaged");
+Recording read_apart(const std::string& path, const ReadLimits& limits) {
+  ReadingChild child(whole_recordings, std::span(&path, 1), limits);
+  auto f = [&] {
+    try {
+      return child.next(path, limits);
+    } catch (const Ended& ended) {
+      throw Error(ended.error);
+    }
+  }();
+  Recording r;
+  r.header = std::move(f.begin.header);
+  r.end_time = std::move(f.ending.end_time);
+  r.status = std::move(f.ending.status);
+  r.reason = std::move(f.ending.reason);
+  r.segments = std::move(f.ending.segments);
+  r.noise = f.ending.noise;
+  r.events = std::move(f.events);
+  struct stat info {};
+  if (fstat(child.columns().get(), &info) != 0 ||
+      static_cast<double>(info.st_size) !=
+          static_cast<double>(f.rows) * static_cast<double>(f.begin.row_bytes()))
+    throw unreadable(path, ErrorCode::bad_recording, "makes the HDF5 library crash: it is damaged");
+  SharedColumns columns(child.columns(), path);
+  columns.take(r.time, f.rows);
+  for (const auto channel : f.begin.channels) columns.take(r.set(channel), f.rows);
+  if (!f.begin.raw.empty()) {
+    const auto width = f.begin.raw.size();
+    columns.take(r.raw.emplace(Raw{std::move(f.begin.raw), {}}).counts, f.rows * width);
   }
+  return r;
+}
+
+std::vector<SummaryOrError> summarize_apart(std::span<const std::string> paths) {
+  std::vector<ReadLimits> limits;
+  for (const auto& path : paths) limits.push_back(limits_for(path));
+  std::vector<SummaryOrError> out;
+  while (out.size() < paths.size()) {
+    const auto first = out.size();
+    const auto most = std::ranges::max(std::span(limits).subspan(first), {}, &ReadLimits::processor);
+    ReadingChild child(summaries, paths.subspan(first), most);
+    while (out.size() < paths.size()) {
+      const auto& path = paths[out.size()];
+      try {
+        auto f = child.next(path, limits[out.size()]);
+        out.emplace_back(Summary{.header = std::move(f.begin.header),
+                                 .path = path,
+                                 .status = std::move(f.ending.status),
+                                 .reason = std::move(f.ending.reason),
+                                 .end_time = std::move(f.ending.end_time),
+                                 .rows = f.rows,
+                                 .duration = f.duration,
+                                 .channels = std::move(f.begin.channels),
+                                 .segment_count = f.segment_count,
+                                 .event_count = f.event_count});
+      } catch (const Ended& ended) {  // what it had read before may be the cause: the file is read by itself
+        if (out.size() == first) out.emplace_back(ended.error);
+        break;
+      } catch (const Error& told) {
+        out.emplace_back(told);
+      }
+    }
+  }
+  return out;
 }
 
 }  // namespace ferrobench::recordings

@@ -85,9 +85,13 @@ Recovery recover_locked(const JournalReader& journal, const std::string& path,
   if (journal.ending()) {
     out.outcome = Recovered::completed;
     ending = *journal.ending();
-    events.push_back(
-        {journal.last_time(), "recovered", "the program ended before the file was made; nothing is missing"});
-    out.message = std::to_string(out.rows) + " samples, nothing missing";
+    const auto loss = loss_of(ending, out.rows, journal.last_time());
+    events.push_back({journal.last_time(), "recovered",
+                      loss ? "the program ended before the file was made"
+                           : "the program ended before the file was made; nothing is missing"});
+    if (loss) events.push_back(*loss);
+    out.message = std::to_string(out.rows) + " samples, " +
+                  (loss ? std::to_string(ending.rows_lost) + " missing at the end" : "nothing missing");
   } else {
     out.outcome = Recovered::recovered;
     const auto& header = journal.begin().header;
@@ -97,7 +101,8 @@ Recovery recover_locked(const JournalReader& journal, const std::string& path,
     events.push_back(
         {journal.last_time(), "gap",
          "the recording breaks off here, after " + std::to_string(out.rows) +
-             " samples; what was measured in the 0.25 s before the program ended may be missing"});
+             " samples; what was measured after it is missing: no more than the last 0.25 s if the program "
+             "was killed, all of the rest if the disk was full or failed"});
     out.message =
         std::to_string(out.rows) + " samples, until it broke off after " + seconds(journal.last_time());
   }
@@ -108,7 +113,7 @@ Recovery recover_locked(const JournalReader& journal, const std::string& path,
     events.push_back({journal.last_time(), "damage", text});
     out.message += "; " + text + " (kept in " + fs::path(from).filename().string() + ".damaged)";
   }
-  pack(journal, ending, events, path, progress);
+  pack(journal, ending, events, path, Existing::keep, progress);
   if (damaged)
     rename_durably(from, from + ".damaged");
   else
@@ -168,11 +173,26 @@ std::string present_file(const std::string& path) {
   return !exists(path) && exists(journal_path(path)) ? journal_path(path) : path;
 }
 
-void remove_recording(const std::string& path) {
-  const auto journal = open_file(journal_path(path), O_RDWR | O_NONBLOCK | O_NOFOLLOW);
+namespace {
+
+// A journal that nobody writes, locked; empty if there is none.
+Descriptor left_journal(const std::string& path) {
+  auto journal = open_file(journal_path(path), O_RDWR | O_NONBLOCK | O_NOFOLLOW);
   if (journal && !try_lock(journal))
     throw Error(ErrorCode::busy, "this recording is being written",
                 Problem{.given = path, .hint = "wait for the end of its run"});
+  return journal;
+}
+
+}  // namespace
+
+void remove_journal(const std::string& path) {
+  if (left_journal(path)) remove_file(journal_path(path));
+}
+
+void remove_recording(const std::string& path) {
+  const auto journal = left_journal(path);
+  const auto file = open_locked(path);  // a change that goes on would bring it back
   remove_file(path);
   if (journal) remove_file(journal_path(path));
 }

@@ -42,6 +42,9 @@ enum class JournalState { none, left, being_written };
 JournalState journal_state(const std::string& path);
 // The file that holds the recording now: itself, or its journal.
 std::string present_file(const std::string& path);
+// The journal of a run that broke off, if there is one. Error(busy) while it is being written,
+// Error(io_error).
+void remove_journal(const std::string& path);
 // Both of them. Error(busy) while it is being written, Error(io_error).
 void remove_recording(const std::string& path);
 

@@ -1,4 +1,5 @@
-#include <filesystem>
+#include <algorithm>
+#include <cerrno>
 
 #include "protocols/common/error.h"
 #include "recordings/file.h"
@@ -6,36 +7,43 @@
 #include "recordings/journal_reader.h"
 #include "recordings/journal_writer.h"
 #include "recordings/pack.h"
+#include "recordings/recover.h"
 
 namespace ferrobench::recordings {
 
 struct Writer::State {
-  State(std::string file, Begin begin)
-      : path(std::move(file)), journal(journal_path(path), std::move(begin)) {}
+  State(std::string file, Existing what, Begin begin)
+      : path(std::move(file)), existing(what), journal(journal_path(path), std::move(begin)) {}
 
   std::string path;
+  Existing existing;
   JournalWriter journal;
   double last_time = 0;
 
   void pack_journal(const Ending& ending) {
-    const JournalReader written(journal_path(path));
+    const JournalReader written(journal.file(), journal_path(path));
     if (written.rows() != journal.rows())
       throw Error(ErrorCode::io_error, "the journal cannot be read back",
                   Problem{.message = "has fewer rows than were written",
                           .given = written.rows(),
                           .allowed = journal.rows()});
-    pack(written, ending, written.events(), path);
+    auto events = written.events();
+    if (const auto loss = loss_of(ending, written.rows(), written.last_time())) events.push_back(*loss);
+    pack(written, ending, events, path, existing);
   }
 };
 
 Writer::Writer(const std::string& path, const Header& header, std::span<const Channel> channels,
-               std::span<const RawColumn> raw) {
-  for (const auto& name : {path, journal_path(path)})
-    if (std::filesystem::exists(name))
-      throw Error(ErrorCode::io_error, "a file of this name is there already",
-                  Problem{.message = "would be overwritten", .given = name, .hint = "choose another name"});
+               std::span<const RawColumn> raw, Existing existing) {
+  if (existing == Existing::replace) remove_journal(path);
   state_ = std::make_unique<State>(
-      path, Begin{header, {channels.begin(), channels.end()}, {raw.begin(), raw.end()}});
+      path, existing, Begin{header, {channels.begin(), channels.end()}, {raw.begin(), raw.end()}});
+  try {  // the journal holds the name from here on
+    demand_place(path, existing);
+  } catch (const Error&) {
+    state_->journal.remove();
+    throw;
+  }
 }
 
 Writer::~Writer() {
@@ -73,6 +81,10 @@ std::uint64_t Writer::rows_on_disk() const {
   return state_ ? state_->journal.rows_on_disk() : 0;
 }
 
+bool Writer::is_in_place() const {
+  return !state_ || state_->journal.is_in_place();
+}
+
 std::chrono::steady_clock::duration Writer::waiting() const {
   return state_ ? state_->journal.waiting() : std::chrono::steady_clock::duration{};
 }
@@ -83,14 +95,16 @@ void Writer::discard() {
 }
 
 void Writer::finish(const std::string& status, const std::string& reason,
-                    std::span<const SegmentRow> segments, const std::array<std::optional<double>, 5>& noise) {
+                    std::span<const SegmentRow> segments, const std::array<std::optional<double>, 5>& noise,
+                    std::uint64_t measured) {
   const auto state = std::move(state_);
   const auto& header = state->journal.begin().header;
   const Ending ending{iso_after(header.start_time, state->last_time).value_or(iso_now()),
                       status,
                       reason,
                       {segments.begin(), segments.end()},
-                      noise};
+                      noise,
+                      std::max(measured, state->journal.rows()) - state->journal.rows()};
   try {
     state->journal.append(ending);
     state->journal.sync();
@@ -104,9 +118,10 @@ void Writer::finish(const std::string& status, const std::string& reason,
       // A failure that came once may not come again.
       if (attempt == 1 && error.code() != ErrorCode::disk_full) continue;
       auto problems = error.problems();
-      problems.push_back({.message = "the samples are kept in the journal",
-                          .given = journal_path(state->path),
-                          .hint = "make room or mend the disk, then: ferrobench recover " + state->path});
+      if (state->journal.is_in_place())
+        problems.push_back({.message = "the samples are kept in the journal",
+                            .given = journal_path(state->path),
+                            .hint = "make room or mend the disk, then: ferrobench recover " + state->path});
       throw Error(error.code(), error.message(), std::move(problems));
     }
   }
@@ -116,8 +131,16 @@ void Writer::finish(const std::string& status, const std::string& reason,
   }
 }
 
-void write_recording(const std::string& path, const Recording& recording) {
-  pack(recording, path);
+void write_recording(const std::string& path, const Recording& recording, Existing existing) {
+  pack(recording, path, existing);
+}
+
+void change_recording(const std::string& path, const std::function<void(Recording&)>& change) {
+  const auto held = open_locked(path);
+  if (!held && errno != ENOENT) throw_write_failure(path, errno);
+  auto recording = read_recording(path);
+  change(recording);
+  write_recording(path, recording);
 }
 
 }  // namespace ferrobench::recordings

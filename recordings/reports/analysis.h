@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "recordings/reports/clipping.h"
 #include "recordings/reports/cycles.h"
 #include "recordings/reports/loop_measures.h"
 
@@ -27,6 +28,10 @@ class Analysis {
     if (!meter_) meter_.emplace(recording, turns());
     return *meter_;
   }
+  const Clipping& clipping() const {
+    if (!clipping_) clipping_.emplace(recording);
+    return *clipping_;
+  }
   // Of cycles(), one by one.
   const std::vector<LoopMeasures>& measures() const {
     if (!measures_) {
@@ -40,6 +45,7 @@ class Analysis {
   mutable std::optional<Turns> turns_;
   mutable std::optional<std::vector<Cycle>> cycles_;
   mutable std::optional<LoopMeter> meter_;
+  mutable std::optional<Clipping> clipping_;
   mutable std::optional<std::vector<LoopMeasures>> measures_;
 };
 

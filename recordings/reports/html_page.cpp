@@ -18,6 +18,7 @@ dt { opacity: .7; } dd { margin: 0; overflow-wrap: anywhere; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: .15rem .6rem; text-align: right; border-bottom: 1px solid #8885; white-space: nowrap; }
 th { font-weight: 600; vertical-align: bottom; white-space: normal; } th small { font-weight: 400; opacity: .7; }
+td.clipped { color: #b00020; }
 td.text { text-align: left; white-space: normal; }
 .note { opacity: .7; font-size: .9rem; margin: .3rem 0; }
 .pair { display: flex; flex-wrap: wrap; gap: 1rem; } .pair figure { flex: 1 1 26rem; }

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <spawn.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 
 #include <chrono>
@@ -94,18 +95,32 @@ std::string run(const std::string& program, const std::string& argument, std::ch
   posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
   posix_spawn_file_actions_addopen(&actions, 2, "/dev/null", O_WRONLY, 0);
+  // It inherits nothing: no socket that it would keep open after this program's end.
+  posix_spawn_file_actions_addclosefrom_np(&actions, 3);
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);  // whatever it starts ends with it
   std::string name = program, given = argument;
   std::array<char*, 3> arguments{name.data(), given.data(), nullptr};
   pid_t child = 0;
-  const int failed = posix_spawnp(&child, program.c_str(), &actions, nullptr, arguments.data(), environ);
+  const int failed = posix_spawnp(&child, program.c_str(), &actions, &attributes, arguments.data(), environ);
+  posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
   if (failed != 0) return "gnuplot is not installed";
+  const auto allow = [child](auto what, rlim_t most) {
+    const rlimit bound{.rlim_cur = most, .rlim_max = most};
+    prlimit(child, what, &bound, nullptr);
+  };
+  allow(RLIMIT_CPU, static_cast<rlim_t>(limit.count()));
+  allow(RLIMIT_AS, rlim_t{1} << 30);
+  allow(RLIMIT_FSIZE, rlim_t{64} << 20);
+  allow(RLIMIT_CORE, 0);
   int status = 0;
   for (const auto end = std::chrono::steady_clock::now() + limit; waitpid(child, &status, WNOHANG) == 0;) {
     if (std::chrono::steady_clock::now() > end) {
-      kill(child, SIGKILL);
+      kill(-child, SIGKILL);
       waitpid(child, &status, 0);
-      return "gnuplot took too long";
+      return "gnuplot took longer than " + std::to_string(limit.count()) + " s";
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
@@ -135,11 +150,11 @@ std::string read_svg(const std::string& path) {
 
 }  // namespace
 
-Drawing draw(const std::vector<Figure>& figures, const std::string& gnuplot) {
+Drawing draw(const std::vector<Figure>& figures, const std::string& gnuplot, std::chrono::seconds limit) {
   const ScratchFolder folder;
   if (!folder.made()) return {.svg = {}, .problem = "there is no room for temporary files"};
   std::ofstream(folder.file("script.gp")) << script(figures, folder);
-  Drawing out{.svg = {}, .problem = run(gnuplot, folder.file("script.gp"), std::chrono::seconds(30))};
+  Drawing out{.svg = {}, .problem = run(gnuplot, folder.file("script.gp"), limit)};
   if (!out.problem.empty()) return out;
   for (std::size_t k = 0; k < figures.size(); ++k)
     out.svg.push_back(read_svg(folder.file(std::to_string(k) + ".svg")));

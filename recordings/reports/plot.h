@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,8 @@ struct Drawing {
 };
 
 // At most 30 s. Lines and letters take the colour of the text around them.
-Drawing draw(const std::vector<Figure>& figures, const std::string& gnuplot = "gnuplot");
+// The child gets no descriptor of this process, 1 GiB of memory, and as much time as the limit says.
+Drawing draw(const std::vector<Figure>& figures, const std::string& gnuplot = "gnuplot",
+             std::chrono::seconds limit = std::chrono::seconds(10));
 
 }  // namespace ferrobench::recordings

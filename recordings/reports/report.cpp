@@ -4,6 +4,7 @@
 
 #include "protocols/common/fields.h"
 #include "protocols/common/units.h"
+#include "protocols/common/visible.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/skew.h"
 
@@ -25,17 +26,11 @@ Table event_table(const Recording& r) {
 }
 
 std::string with_facts(const Report& report, const std::string& before, const std::string& between,
-                       const std::function<std::string(const std::string&)>& clean) {
+                       const std::function<std::string(std::string_view)>& clean) {
   std::string out;
   for (const auto& [name, value] : report.facts)
     out.append(before).append(name).append(between).append(clean(value)).append("\n");
   return out;
-}
-
-std::string plain(std::string text) {
-  for (auto& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  return text;
 }
 
 nlohmann::json as_json(const Report& report) {
@@ -87,7 +82,7 @@ std::string render(const Report& report, const Recording& recording, Format form
   std::string out;
   switch (format) {
     case Format::text:
-      out = plain(report.title) + '\n' + with_facts(report, "  ", ": ", plain);
+      out = visible(report.title) + '\n' + with_facts(report, "  ", ": ", visible);
       for (const auto& table : report.tables) out += '\n' + to_text(table);
       return out;
     case Format::md:
@@ -96,7 +91,7 @@ std::string render(const Report& report, const Recording& recording, Format form
       return out;
     case Format::csv:
       for (const auto& table : report.tables)
-        out += (out.empty() ? "# " : "\n# ") + table.title + '\n' + to_csv(table);
+        out += (out.empty() ? "# " : "\n# ") + visible(table.title) + '\n' + to_csv(table);
       return out;
     case Format::json:
       return as_json(report).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';

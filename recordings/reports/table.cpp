@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "protocols/common/error.h"
+#include "protocols/common/visible.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -20,6 +21,31 @@ std::string shown(const Cell& cell) {
   return "-";
 }
 
+std::string shown(const Table& table, std::size_t row, std::size_t column) {
+  return shown(table.rows[row][column]) + (table.clipped.contains({row, column}) ? " !" : "");
+}
+
+std::vector<std::string> clipped_keys(const Table& table, std::size_t row) {
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < table.columns.size(); ++i)
+    if (table.clipped.contains({row, i})) out.push_back(table.columns[i].key);
+  return out;
+}
+
+// What the table says below itself.
+std::vector<std::string> all_notes(const Table& table) {
+  auto out = table.notes;
+  if (table.clipped.empty()) return out;
+  std::string where;
+  for (const auto& text : table.cut_off) where += (where.empty() ? "" : "; ") + text;
+  out.push_back(
+      "! is no measured value: samples that it is made of are at the end of the converter's range, and what "
+      "was "
+      "beyond is not known (" +
+      where + ").");
+  return out;
+}
+
 std::string in_full(const Cell& cell) {
   if (const auto* number = std::get_if<double>(&cell)) return number_in_full(*number);
   return std::holds_alternative<std::monostate>(cell) ? "" : shown(cell);
@@ -27,13 +53,6 @@ std::string in_full(const Cell& cell) {
 
 bool is_text(const Cell& cell) {
   return std::holds_alternative<std::string>(cell);
-}
-
-// Control characters would break a line or a terminal.
-std::string one_line(std::string text) {
-  for (auto& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  return text;
 }
 
 std::size_t width(std::string_view text) {  // in code points, which is near enough for aligning
@@ -59,13 +78,14 @@ std::string replaced(std::string_view text, std::initializer_list<std::pair<char
 }
 
 // Rows of aligned text between `edge`s.
-std::string aligned(const Table& table, const std::function<std::string(const std::string&)>& clean,
+std::string aligned(const Table& table, const std::function<std::string(std::string_view)>& clean,
                     std::string_view before, std::string_view between, std::string_view after, char rule) {
   std::vector<std::vector<std::string>> lines(1);
   for (const auto& column : table.columns) lines[0].push_back(clean(heading(column)));
-  for (const auto& row : table.rows) {
+  for (std::size_t row = 0; row < table.rows.size(); ++row) {
     lines.emplace_back();
-    for (const auto& item : row) lines.back().push_back(clean(shown(item)));
+    for (std::size_t i = 0; i < table.rows[row].size(); ++i)
+      lines.back().push_back(clean(shown(table, row, i)));
   }
   std::vector<std::size_t> widths(table.columns.size(), 3);
   for (const auto& line : lines)
@@ -125,17 +145,17 @@ std::string number_in_full(double value) {
 }
 
 std::string escape_html(std::string_view text) {
-  return replaced(one_line(std::string(text)),
+  return replaced(visible(text),
                   {{'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}, {'\'', "&#39;"}});
 }
 
 std::string escape_markdown(std::string_view text) {
-  return replaced(one_line(std::string(text)),
+  return replaced(visible(text),
                   {{'|', "\\|"}, {'<', "&lt;"}, {'>', "&gt;"}, {'`', "\\`"}, {'[', "\\["}, {']', "\\]"}});
 }
 
 std::string escape_csv(std::string_view text) {
-  std::string line = one_line(std::string(text));
+  std::string line = visible(text);
   // A spreadsheet would run what starts like a formula.
   if (!line.empty() && std::string_view("=+-@").find(line[0]) != std::string_view::npos) line.insert(0, "'");
   if (line.find_first_of(",\"") == std::string::npos) return line;
@@ -143,27 +163,32 @@ std::string escape_csv(std::string_view text) {
 }
 
 std::string to_text(const Table& table) {
-  std::string out = one_line(table.title) + '\n' + aligned(table, one_line, "  ", "  ", "", '-');
-  for (const auto& note : table.notes) out += "  " + one_line(note) + '\n';
+  std::string out = visible(table.title) + '\n' + aligned(table, visible, "  ", "  ", "", '-');
+  for (const auto& note : all_notes(table)) out += "  " + visible(note) + '\n';
   return out;
 }
 
 std::string to_markdown(const Table& table) {
   std::string out =
       "## " + escape_markdown(table.title) + "\n\n" + aligned(table, escape_markdown, "| ", " | ", " |", '-');
-  for (const auto& note : table.notes) out += '\n' + escape_markdown(note) + '\n';
+  for (const auto& note : all_notes(table)) out += '\n' + escape_markdown(note) + '\n';
   return out;
 }
 
 std::string to_csv(const Table& table) {
   std::string out;
   for (std::size_t i = 0; i < table.columns.size(); ++i) out += (i > 0 ? "," : "") + table.columns[i].key;
+  if (!table.clipped.empty()) out += ",clipped";
   out += '\n';
-  for (const auto& row : table.rows) {
+  for (std::size_t k = 0; k < table.rows.size(); ++k) {
+    const auto& row = table.rows[k];
     for (std::size_t i = 0; i < row.size(); ++i) {
       if (i > 0) out += ',';
       out += is_text(row[i]) ? escape_csv(std::get<std::string>(row[i])) : in_full(row[i]);
     }
+    if (!table.clipped.empty()) out += ',';
+    const auto keys = clipped_keys(table, k);
+    for (std::size_t i = 0; i < keys.size(); ++i) out += (i > 0 ? " " : "") + keys[i];
     out += '\n';
   }
   return out;
@@ -173,6 +198,7 @@ nlohmann::json to_json(const Table& table) {
   auto rows = nlohmann::json::array();
   for (const auto& row : table.rows) {
     auto object = nlohmann::json::object();
+    if (auto keys = clipped_keys(table, rows.size()); !keys.empty()) object["clipped"] = std::move(keys);
     for (std::size_t i = 0; i < row.size(); ++i)
       std::visit(
           [&](const auto& value) {
@@ -185,7 +211,7 @@ nlohmann::json to_json(const Table& table) {
           row[i]);
     rows.push_back(std::move(object));
   }
-  return {{"title", table.title}, {"rows", std::move(rows)}, {"notes", table.notes}};
+  return {{"title", table.title}, {"rows", std::move(rows)}, {"notes", all_notes(table)}};
 }
 
 std::string to_html(const Table& table) {
@@ -197,14 +223,17 @@ std::string to_html(const Table& table) {
     out += "</th>";
   }
   out += "</tr></thead>\n<tbody>\n";
-  for (const auto& row : table.rows) {
+  for (std::size_t row = 0; row < table.rows.size(); ++row) {
     out += "<tr>";
-    for (const auto& item : row)
-      out += (is_text(item) ? "<td class=\"text\">" : "<td>") + escape_html(shown(item)) + "</td>";
+    for (std::size_t i = 0; i < table.rows[row].size(); ++i)
+      out += std::string(table.clipped.contains({row, i}) ? "<td class=\"clipped\">"
+                         : is_text(table.rows[row][i])    ? "<td class=\"text\">"
+                                                          : "<td>") +
+             escape_html(shown(table, row, i)) + "</td>";
     out += "</tr>\n";
   }
   out += "</tbody>\n</table></div>\n";
-  for (const auto& note : table.notes) out += "<p class=\"note\">" + escape_html(note) + "</p>\n";
+  for (const auto& note : all_notes(table)) out += "<p class=\"note\">" + escape_html(note) + "</p>\n";
   return out + "</section>\n";
 }
 

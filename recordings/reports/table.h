@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <variant>
 #include <vector>
@@ -32,13 +33,19 @@ struct Table {
   std::vector<Column> columns;
   std::vector<std::vector<Cell>> rows;
   std::vector<std::string> notes;  // how it was measured, below the table
+  // Cells (row, column) that are made of samples which a converter cut off (clipping.h), and where that was.
+  std::set<std::pair<std::size_t, std::size_t>> clipped = {};
+  std::vector<std::string> cut_off = {};
 };
 
 std::string to_text(const Table& table);
 std::string to_markdown(const Table& table);
-std::string to_csv(const Table& table);      // a heading line of keys, then rows; numbers in full
-nlohmann::json to_json(const Table& table);  // {title, rows: [{key: value}], notes}
-std::string to_html(const Table& table);     // <section> with heading, table and notes
+// A heading line of keys, then rows; numbers in full. Where cells are clipped, a last column "clipped" has
+// their keys.
+std::string to_csv(const Table& table);
+// {title, rows: [{key: value}], notes}; a row with clipped cells has their keys as "clipped": [key].
+nlohmann::json to_json(const Table& table);
+std::string to_html(const Table& table);  // <section> with heading, table and notes
 
 std::string escape_html(std::string_view text);
 std::string escape_markdown(std::string_view text);

@@ -1,4 +1,5 @@
 // The report's tables from the cycles and holds of a recording, in the units of the field.
+#include <array>
 #include <cmath>
 #include <map>
 
@@ -37,6 +38,12 @@ void note_smoothing(const LoopMeter& meter, Table& table) {
         "turning points.");
 }
 
+using Keys = std::vector<std::string>;
+constexpr std::array field_alone{Channel::field}, displacement_alone{Channel::displacement},
+    force_alone{Channel::force};
+constexpr std::array displacement_loop{Channel::displacement, Channel::field},
+    charge_loop{Channel::charge, Channel::field};
+
 Column rate_column() {
   return {"rate_kV_per_mm_s", "rate", "kV/mm/s"};
 }
@@ -65,6 +72,12 @@ std::optional<Table> stroke_table(const Analysis& analysis) {
     table.rows.push_back({std::move(name), r.time[cycle.first], in_kv_per_mm(cycle.low),
                           in_kv_per_mm(cycle.high), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
                           in_um(stroke), cell(strain), cell(force_span)});
+    const auto mark = [&](const Keys& keys, std::span<const Channel> channels) {
+      analysis.clipping().mark(table, keys, channels, cycle.first, cycle.last);
+    };
+    mark({"field_low_kV_per_mm", "field_high_kV_per_mm"}, field_alone);
+    mark({"stroke_um", "strain_percent"}, displacement_alone);
+    mark({"force_span_N"}, force_alone);
   };
   const auto& cycles = analysis.cycles();
   const auto& measures = analysis.measures();
@@ -109,6 +122,16 @@ std::optional<Table> hysteresis_table(const Analysis& analysis) {
                           in(cubic_metre_in_um, m.displacement_area), in_kv_per_mm(m.width), cell(share),
                           in_kv_per_mm(m.coercive_negative), in_kv_per_mm(m.coercive_positive),
                           cell(m.remanent_falling), cell(m.remanent_rising), cell(m.energy)});
+    analysis.clipping().mark(table, {"displacement_area_um_kV_per_mm", "width_kV_per_mm", "width_percent"},
+                             displacement_loop, cycle.first, cycle.last);
+    analysis.clipping().mark(table, {"energy_J_per_m3"}, charge_loop, cycle.first, cycle.last);
+    // Where polarization counts from the middle of its range, all of the recording is behind it.
+    const auto [first, last] =
+        meter.centred() ? std::pair(std::size_t{0}, r.size() - 1) : std::pair(cycle.first, cycle.last);
+    analysis.clipping().mark(table,
+                             {"coercive_negative_kV_per_mm", "coercive_positive_kV_per_mm",
+                              "remanent_falling_C_per_m2", "remanent_rising_C_per_m2"},
+                             charge_loop, first, last);
   }
   if (meter.centred())
     table.notes.emplace_back(
@@ -133,21 +156,26 @@ std::optional<Table> creep_table(const Recording& r) {
           "Change: value at the end of the hold minus value at its start (the corner after the ramp); range: "
           "largest minus smallest value. Rate: slope against log10 of the time since the start, from a "
           "hundredth of the hold on."}};
+  const Clipping clipping(r);
   std::vector<std::pair<Signal, double>> signals;
-  const auto columns = [&](const std::string& name, const std::string& suffix, const std::string& unit) {
+  std::vector<std::pair<Channel, Keys>> made_of;
+  const auto columns = [&](Channel channel, const std::string& name, const std::string& suffix,
+                           const std::string& unit) {
     table.columns.push_back({name + "_change_" + suffix, name + " change", unit});
     table.columns.push_back({name + "_range_" + suffix, name + " range", unit});
     table.columns.push_back({name + "_sign", "sign", ""});
     table.columns.push_back({name + "_rate_" + suffix + "_per_decade", "rate", unit + "/decade"});
     table.columns.push_back({name + "_time_to_half_s", "time to half", "s"});
+    auto& keys = made_of.emplace_back(channel, Keys{}).second;
+    for (const auto& column : std::span(table.columns).last(5)) keys.push_back(column.key);
   };
   if (r.has(Channel::displacement)) {
     signals.emplace_back(signal(r, Channel::displacement), metre_in_um);
-    columns("displacement", "um", "um");
+    columns(Channel::displacement, "displacement", "um", "um");
   }
   if (r.has(Channel::charge)) {
     signals.emplace_back(polarization(r), 1.0);
-    columns("polarization", "C_per_m2", "C/m^2");
+    columns(Channel::charge, "polarization", "C_per_m2", "C/m^2");
   }
   bool exact = true;
   for (std::size_t i = 0; i < holds.size(); ++i) {
@@ -162,6 +190,8 @@ std::optional<Table> creep_table(const Recording& r) {
       row.push_back(cell(creep.time_to_half));
     }
     table.rows.push_back(std::move(row));
+    for (const auto& [channel, keys] : made_of)
+      clipping.mark(table, keys, std::span(&channel, 1), holds[i].first, holds[i].last);
   }
   if (!exact)
     table.notes.emplace_back(
@@ -177,11 +207,12 @@ std::optional<Table> rate_table(const Analysis& analysis) {
   struct Measured {
     double rate;
     LoopMeasures loop;
+    std::size_t cycle;
   };
   std::vector<Measured> cycles;
   for (std::size_t i = 0; i < analysis.cycles().size(); ++i)
     if (const double rate = analysis.cycles()[i].rate; rate > 0)
-      cycles.push_back({rate, analysis.measures()[i]});
+      cycles.push_back({rate, analysis.measures()[i], i});
   std::ranges::stable_sort(cycles, {}, &Measured::rate);
   if (cycles.empty() || cycles.back().rate <= 1.01 * cycles.front().rate) return std::nullopt;
   Table table{.key = "rates",
@@ -208,7 +239,15 @@ std::optional<Table> rate_table(const Analysis& analysis) {
     table.rows.push_back({in_kv_per_mm(cycles[first].rate),
                           cycles[first].rate * r.header.specimen.layer_thickness, whole(next - first),
                           in_um(stroke / count), in(cubic_metre_in_um, area / count), cell(energy / count)});
-    first = next;
+    for (; first < next; ++first) {
+      const auto& cycle = analysis.cycles()[cycles[first].cycle];
+      const auto mark = [&](const Keys& keys, std::span<const Channel> channels) {
+        analysis.clipping().mark(table, keys, channels, cycle.first, cycle.last);
+      };
+      mark({"stroke_um"}, displacement_alone);
+      mark({"displacement_area_um_kV_per_mm"}, displacement_loop);
+      mark({"energy_J_per_m3"}, charge_loop);
+    }
   }
   note_smoothing(analysis.meter(), table);
   return table;
@@ -247,6 +286,8 @@ std::optional<Table> minor_loop_table(const Analysis& analysis) {
     table.rows.push_back({whole(k), r.time[here.arrive], in_kv_per_mm(before.level), in_kv_per_mm(here.level),
                           in_kv_per_mm(after.level), in_um(meter.stroke(first, last)),
                           in(cubic_metre_in_um, meter.displacement_area(first, last))});
+    analysis.clipping().mark(table, {"stroke_um"}, displacement_alone, first, last);
+    analysis.clipping().mark(table, {"displacement_area_um_kV_per_mm"}, displacement_loop, first, last);
   }
   note_smoothing(meter, table);
   return table;

@@ -4,6 +4,7 @@
 
 #include "protocols/common/units.h"
 #include "recordings/reports/analysis.h"
+#include "recordings/reports/clipping.h"
 #include "recordings/reports/creep.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/signals.h"
@@ -22,7 +23,18 @@ bool is_displacement(const PublishedCell& cell) {
   return cell.quantity.starts_with("displacement");
 }
 
-std::optional<double> creep_of(const PublishedCell& cell, const Recording& r) {
+struct Measured {
+  double value;
+  std::string cut_off;
+};
+
+// A value made of the samples first..last of a channel.
+Measured measured_in(const Recording& r, Channel channel, double value, std::size_t first, std::size_t last) {
+  const Clipping clipping(r);
+  return {value, clipping.any(std::span(&channel, 1), first, last) ? std::string(channel_name(channel)) : ""};
+}
+
+std::optional<Measured> creep_of(const PublishedCell& cell, const Recording& r) {
   const auto channel = is_displacement(cell) ? Channel::displacement : Channel::charge;
   if (!r.has(channel)) return std::nullopt;
   const double wanted = cell.key("field_kV_per_mm") * volts_per_m_in_kv_per_mm;
@@ -33,22 +45,24 @@ std::optional<double> creep_of(const PublishedCell& cell, const Recording& r) {
   if (!found) return std::nullopt;
   const auto measured = is_displacement(cell) ? signal(r, channel) : polarization(r);
   const double change = std::abs(measure_creep(r, measured, *found).change);
-  return is_displacement(cell) ? change / metre_in_um : change;
+  return measured_in(r, channel, is_displacement(cell) ? change / metre_in_um : change, found->first,
+                     found->last);
 }
 
-std::optional<double> stroke_of(const PublishedCell& cell, const Recording& r) {
+std::optional<Measured> stroke_of(const PublishedCell& cell, const Recording& r) {
   if (!r.has(Channel::displacement)) return std::nullopt;
   const Analysis analysis(r);
-  std::optional<double> largest;
+  std::optional<Measured> largest;
   for (const auto& cycle : analysis.cycles()) {
     if (!near(cycle.rate * r.header.specimen.layer_thickness, cell.key("rate_V_per_s"))) continue;
-    if (const auto stroke = analysis.meter().stroke(cycle.first, cycle.last))
-      largest = std::max(largest.value_or(0), *stroke / metre_in_um);
+    const auto stroke = analysis.meter().stroke(cycle.first, cycle.last);
+    if (stroke && (!largest || *stroke / metre_in_um > largest->value))
+      largest = measured_in(r, Channel::displacement, *stroke / metre_in_um, cycle.first, cycle.last);
   }
   return largest;
 }
 
-std::optional<double> measure(const std::string& table, const PublishedCell& cell, const Recording& r) {
+std::optional<Measured> measure(const std::string& table, const PublishedCell& cell, const Recording& r) {
   if (table == "3.13") return stroke_of(cell, r);
   const bool by_prestress = table != "3.10";
   if (by_prestress && !near(r.header.load.prestress, cell.key("prestress_MPa") * pascal_in_mpa))
@@ -57,7 +71,7 @@ std::optional<double> measure(const std::string& table, const PublishedCell& cel
 }
 
 std::optional<double> log_error(const ComparedCell& cell) {
-  if (!cell.measured || !(*cell.measured > 0)) return std::nullopt;
+  if (!cell.measured || !(*cell.measured > 0) || !cell.cut_off.empty()) return std::nullopt;
   return std::log(*cell.measured / cell.published.published);
 }
 
@@ -72,7 +86,11 @@ Comparison compare(const PublishedTable& table, std::span<const Recording> recor
   for (const auto& cell : table.cells) {
     out.cells.push_back({cell, std::nullopt});
     for (const auto& recording : recordings)
-      if (!out.cells.back().measured) out.cells.back().measured = measure(table.name, cell, recording);
+      if (auto found = measure(table.name, cell, recording)) {
+        out.cells.back().measured = found->value;
+        out.cells.back().cut_off = std::move(found->cut_off);
+        break;
+      }
   }
   std::map<std::string, std::vector<double>> errors;
   for (const auto& cell : out.cells)
@@ -101,7 +119,8 @@ nlohmann::json to_json(const Comparison& comparison) {
                         {"published", cell.published.published},
                         {"measured", nullptr},
                         {"error", nullptr},
-                        {"doubtful", cell.published.doubtful}};
+                        {"doubtful", cell.published.doubtful},
+                        {"clipped", !cell.cut_off.empty()}};
     for (const auto& [key, value] : cell.published.keys) item[key] = value;
     if (cell.measured) {
       item["measured"] = *cell.measured;
@@ -139,7 +158,14 @@ Table as_table(const Comparison& comparison) {
                {ferrobench::recordings::cell(cell.measured), cell.published.published,
                 ferrobench::recordings::cell(error), std::string(cell.published.doubtful ? "yes" : "")});
     table.rows.push_back(std::move(row));
+    if (cell.cut_off.empty()) continue;
+    for (std::size_t i = 0; i < table.columns.size(); ++i)
+      if (table.columns[i].key == "measured" || table.columns[i].key == "error_percent")
+        table.clipped.emplace(table.rows.size() - 1, i);
+    if (std::ranges::find(table.cut_off, cell.cut_off) == table.cut_off.end())
+      table.cut_off.push_back(cell.cut_off);
   }
+  if (!table.clipped.empty()) table.notes.emplace_back("Errors are those of the cells without a mark.");
   for (const auto& [quantity, error] : comparison.rms_log_error)
     table.notes.push_back("root-mean-square log error of " + quantity + ": " + number_text(error));
   for (const auto& [quantity, scale] : comparison.scale)

@@ -28,6 +28,8 @@ namespace ferrobench::recordings {
 struct ComparedCell {
   PublishedCell published;
   std::optional<double> measured;  // in the quantity's unit, scaled; none if no recording has it
+  // The channel that a converter cut off where this was measured; then it counts for no error. "": none.
+  std::string cut_off = {};
 };
 
 struct Comparison {
@@ -39,8 +41,8 @@ struct Comparison {
 
 Comparison compare(const PublishedTable& table, std::span<const Recording> recordings);
 
-// {table, cells: [{quantity, <keys>, measured, published, error, doubtful}], rms_log_error: {quantity: x},
-// scale}
+// {table, cells: [{quantity, <keys>, measured, published, error, doubtful, clipped}], rms_log_error:
+// {quantity: x}, scale}
 nlohmann::json to_json(const Comparison& comparison);
 Table as_table(const Comparison& comparison);
 std::string render(const Comparison& comparison, Format format);

@@ -1,17 +1,17 @@
 // Any text as a table of samples: refused, or a recording with a time that rises.
 #include "input.h"
-#include "server/engine/text_table.h"
+#include "recordings/import_csv.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace ferrobench;
-  server::CsvImport import;
+  recordings::CsvImport import;
   import.csv = fuzz::text_of(data, size);
-  import.time = {"t"};
-  import.field = {"E", 1e6, 0};
-  import.charge = {"Q"};
+  import.time = {.column = "t"};
+  import.field = {.column = "E", .scale = 1e6};
+  import.charge = {.column = "Q"};
   import.length = 0.01, import.area = 2.5e-5, import.layer_thickness = 1e-4;
   try {
-    const auto r = server::read_csv(import);
+    const auto r = recordings::import_csv(import);
     fuzz::demand(r.size() >= 2, "there are rows");
     for (std::size_t i = 1; i < r.size(); ++i) fuzz::demand(r.time[i] > r.time[i - 1], "the time rises");
     for (const auto& segment : r.segments)

@@ -11,7 +11,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace ferrobench;
   const auto text = fuzz::text_of(data, size);
   std::vector<Problem> problems;
-  protocols::read_points(text, "", problems);
+  protocols::read_points(text, "", std::nullopt, problems);
   try {
     const auto protocol = protocols::Protocol::from_text(text);
     fuzz::demand(protocols::Protocol::from_json(protocol.json()).json() == protocol.json(), "the same again");

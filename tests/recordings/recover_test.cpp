@@ -90,7 +90,8 @@ TEST(Recover, WhatWasRecordedBecomesTheFileAndTheGapIsStated) {
   const auto path = folder.file("a.h5");
   const auto whole = sample();
   leave(path, whole, 300);
-  EXPECT_EQ(read_summary(path).status, "running");
+  EXPECT_EQ(read_summary(path).status, "broken_off");
+  EXPECT_EQ(read_recording(path).status, "broken_off");
   EXPECT_THAT(read_summary(path).reason, HasSubstr("ferrobench recover"));
   EXPECT_EQ(find_broken(folder.file("")), std::vector{path});
 
@@ -123,6 +124,7 @@ TEST(Recover, ARunUnderWayIsLeftAlone) {
   append(writer, whole, 0, 100);
   EXPECT_EQ(recover_recording(path).outcome, Recovered::running);
   EXPECT_EQ(journal_state(path), JournalState::being_written);
+  EXPECT_EQ(read_summary(path).status, "running");
   EXPECT_EQ(read_summary(path).reason, "");
   EXPECT_THROW(remove_recording(path), Error);
   append(writer, whole, 100, 100);
@@ -223,7 +225,6 @@ TEST(Recover, AClosedRunKeepsItsStatus) {
     journal.append(rows);
     journal.append(Ending{"2026-01-01T00:00:03Z", "aborted", "enough", whole.segments, {std::nullopt, 1.5}});
   }
-  spill(path + ".part", "half of a file");
   const auto journal = slurp(path + ".journal");
   EXPECT_EQ(read_summary(path).status, "aborted");
   EXPECT_EQ(read_recording(path).segments.size(), 3u);
@@ -235,12 +236,81 @@ TEST(Recover, AClosedRunKeepsItsStatus) {
   EXPECT_EQ(r.segments.size(), 3u);
   EXPECT_EQ(r.noise.at(1), 1.5);
   EXPECT_TRUE(has_event(r, "recovered"));
-  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
 
   spill(path + ".journal", journal);  // beside the whole file
   EXPECT_EQ(recover_recording(path + ".journal").outcome, Recovered::already_whole);
   EXPECT_FALSE(std::filesystem::exists(path + ".journal"));
 }
+
+// The disk was full for a while: the run is closed, and knows how much it could not record.
+TEST(Recover, WhatCouldNotBeRecordedIsStated) {
+  const TemporaryFolder folder;
+  const auto whole = sample();
+  const auto path = folder.file("a.h5");
+  {
+    Begin begin{whole.header, channels_of(whole), whole.raw->columns};
+    JournalWriter journal(journal_path(path), begin);
+    Rows rows{.time = std::span(whole.time).first(300), .channels = {}, .counts = {}};
+    for (const auto channel : begin.channels)
+      rows.channels.at(static_cast<std::size_t>(channel)) = std::span(whole.at(channel)).first(300);
+    rows.counts = std::span(whole.raw->counts).first(300 * begin.raw.size());
+    journal.append(rows);
+    journal.append(Ending{"2026-01-01T00:00:03Z", "aborted", "no space", whole.segments, {}, 100});
+  }
+  EXPECT_EQ(read_recording(path).segments.back().end_sample, 300);  // none leaves the rows that there are
+  const auto done = recover_recording(path);
+  EXPECT_EQ(done.outcome, Recovered::completed);
+  EXPECT_EQ(done.message, "300 samples, 100 missing at the end");
+  const auto r = read_recording(path);
+  expect_part(r, whole, 300);
+  ASSERT_TRUE(has_event(r, "gap"));
+  EXPECT_THAT(r.events.back().message, HasSubstr("100 of 400 samples are missing"));
+  for (const auto& event : r.events) EXPECT_THAT(event.message, Not(HasSubstr("nothing is missing")));
+}
+
+TEST(Recover, RowsThatCouldNotBeAppendedAreStatedInTheFile) {
+  const TemporaryFolder folder;
+  const auto whole = sample();
+  const auto path = folder.file("a.h5");
+  Writer writer(path, whole.header, channels_of(whole), whole.raw->columns);
+  append(writer, whole, 0, 300);
+  writer.finish("aborted", "no space", whole.segments, {}, 400);
+  const auto r = read_recording(path);
+  expect_part(r, whole, 300);
+  ASSERT_FALSE(r.events.empty());
+  EXPECT_EQ(r.events.back().kind, "gap");
+  EXPECT_THAT(r.events.back().message, HasSubstr("100 of 400 samples are missing"));
+}
+
+// Somebody tidies up while a run goes on.
+class JournalTakenAway : public ::testing::TestWithParam<bool> {};
+
+TEST_P(JournalTakenAway, IsNoticedAndCostsNothing) {
+  const TemporaryFolder folder;
+  const auto whole = sample();
+  const auto path = folder.file("a.h5"), journal = path + ".journal", moved = folder.file("moved");
+  Writer writer(path, whole.header, channels_of(whole), whole.raw->columns);
+  append(writer, whole, 0, 200);
+  writer.flush();
+  EXPECT_TRUE(writer.is_in_place());
+  EXPECT_EQ(writer.rows_on_disk(), 200u);
+  if (GetParam())
+    std::filesystem::rename(journal, moved);
+  else
+    std::filesystem::remove(journal);
+  spill(journal, "somebody else's");
+  append(writer, whole, 200, 100);
+  writer.flush();
+  EXPECT_FALSE(writer.is_in_place());
+  EXPECT_EQ(writer.rows_on_disk(), 0u);
+  append(writer, whole, 300, 100);
+  writer.finish("aborted", "it was taken away", whole.segments, {});
+  expect_part(read_recording(path), whole, 400);
+  EXPECT_EQ(slurp(journal), "somebody else's");
+  EXPECT_EQ(std::filesystem::exists(moved), GetParam());
+}
+INSTANTIATE_TEST_SUITE_P(Each, JournalTakenAway, ::testing::Bool(),
+                         [](const auto& each) { return each.param ? "Renamed" : "Removed"; });
 
 TEST(Recover, NeverReplacesAnotherRecording) {
   const TemporaryFolder folder;

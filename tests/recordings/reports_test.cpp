@@ -1,8 +1,14 @@
 // Reports against closed forms.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <chrono>
 #include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <limits>
 #include <numbers>
 #include <random>
@@ -256,6 +262,42 @@ TEST(Render, MissingGnuplotIsSaid) {
   EXPECT_EQ(drawing.problem, "gnuplot is not installed");
 }
 
+TEST(Reports, WhoDrawsInheritsNothingAndIsGivenUpWithAllThatItStarted) {
+  char folder[] = "/tmp/drawing-XXXXXX";
+  ASSERT_NE(mkdtemp(folder), nullptr);
+  const std::filesystem::path place(folder);
+  const auto script = [&](const std::string& text) {
+    const auto path = place / "gnuplot";
+    std::ofstream(path) << "#!/bin/sh\n" << text;
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+    return draw({{.title = "t", .x_label = "x", .y_label = "y", .series = {{"", {{0, 0}, {1, 1}}}}}},
+                path.string(), std::chrono::seconds(1))
+        .problem;
+  };
+  // Without O_CLOEXEC, as a careless library opens it.
+  const int open_here = open((place / "ours").c_str(), O_RDWR | O_CREAT, 0600);
+  ASSERT_GE(open_here, 3);
+  EXPECT_EQ(script("ls -l /proc/$$/fd >" + (place / "fds").string() + "; exit 1\n"), "gnuplot failed");
+  std::ifstream fds(place / "fds");
+  const std::string inherited{std::istreambuf_iterator<char>(fds), {}};
+  EXPECT_THAT(inherited, HasSubstr("/dev/null"));
+  EXPECT_THAT(inherited, Not(HasSubstr("/ours")));
+  close(open_here);
+
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_EQ(script("sleep 61 & echo $! >" + (place / "pid").string() + "; wait\n"),
+            "gnuplot took longer than 1 s");
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
+  int pid = 0;
+  std::ifstream(place / "pid") >> pid;
+  ASSERT_GT(pid, 0);
+  for (int i = 0; i < 100 && kill(pid, 0) == 0; ++i) usleep(10'000);
+  std::ifstream state("/proc/" + std::to_string(pid) + "/stat");
+  const std::string text{std::istreambuf_iterator<char>(state), {}};
+  EXPECT_TRUE(text.empty() || text.find(") Z ") != std::string::npos) << text;
+  std::filesystem::remove_all(place);
+}
+
 TEST(Render, EveryFormatCarriesTheTables) {
   const auto r = hostile_names();
   const auto report = make_report(r);
@@ -264,7 +306,7 @@ TEST(Render, EveryFormatCarriesTheTables) {
   EXPECT_EQ(json["events"]["rows"][0]["kind"], "<i>");
   const auto csv = render(report, r, Format::csv);
   EXPECT_THAT(csv, HasSubstr("hold,label,field_kV_per_mm"));
-  EXPECT_THAT(csv, HasSubstr("\"'=cmd()|a,\"\"b\"\" next\""));
+  EXPECT_THAT(csv, HasSubstr("\"'=cmd()|a,\"\"b\"\"\\nnext\""));
   EXPECT_THAT(render(report, r, Format::md), HasSubstr("## Creep per hold"));
   EXPECT_THAT(render(report, r, Format::md), Not(HasSubstr("<b>")));
   EXPECT_THAT(render(report, r, Format::text), HasSubstr("Creep per hold"));

@@ -1,0 +1,38 @@
+// Samples that a converter could not follow: their counts lie at its limits, so what was there is not known.
+// A value made of them is marked in its table.
+//
+// Where a channel has no counts, the recording's "clipped" events say when; each begins with the channel's
+// name.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "recordings/recording.h"
+#include "recordings/reports/table.h"
+
+namespace ferrobench::recordings {
+
+class Clipping {
+ public:
+  explicit Clipping(const Recording& recording);
+
+  // Is one of the samples first..last of one of these channels clipped?
+  bool any(std::span<const Channel> channels, std::size_t first, std::size_t last) const;
+  // Marks the columns of the table's last row, given by their keys, if there is one; the table's note names
+  // the channels.
+  void mark(Table& table, const std::vector<std::string>& keys, std::span<const Channel> channels,
+            std::size_t first, std::size_t last) const;
+  // "displacement: 120 samples from 1.5 s to 3 s"
+  std::string in_words(Channel channel) const;
+
+ private:
+  struct Stretch {
+    std::size_t first, last;
+  };
+  const Recording& recording_;
+  std::array<std::vector<Stretch>, 5> stretches_;  // by Channel, in order
+};
+
+}  // namespace ferrobench::recordings

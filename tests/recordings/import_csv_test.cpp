@@ -1,0 +1,173 @@
+// Tables in text as recordings: columns by name, number or heading; units given, read or refused.
+#include "recordings/import_csv.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "recordings/export.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+CsvImport of(std::string csv) {
+  CsvImport out;
+  out.csv = std::move(csv);
+  out.length = 0.01, out.area = 2.5e-5, out.layer_thickness = 1e-4;
+  return out;
+}
+
+std::vector<Problem> problems_of(const CsvImport& import) {
+  try {
+    import_csv(import);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::bad_recording);
+    return error.problems();
+  }
+  ADD_FAILURE() << "accepted: " << import.csv;
+  return {};
+}
+
+Recording exported() {
+  Recording r;
+  r.time = {0, 0.1, 0.2, 0.3};
+  r.set(Channel::field) = {0, 1e5, 2e5, 1e5};
+  r.set(Channel::displacement) = {0, 1e-7, NAN, 1.0 / 3e6};
+  return r;
+}
+
+TEST(ImportCsv, GivesBackWhatWasExported) {
+  const auto r = exported();
+  std::ostringstream text;
+  export_csv(r, text);
+  auto import = of(text.str());
+  for (const bool by_map : {false, true}) {
+    if (by_map) {
+      import.time = ColumnMap{.column = "time_s"};
+      import.field = ColumnMap{.column = "field_V_per_m"};
+      import.displacement = ColumnMap{.column = "displacement_m", .scale = 2};
+    }
+    const double scale = by_map ? 2 : 1;
+    const auto back = import_csv(import);
+    EXPECT_EQ(back.time, r.time);
+    EXPECT_EQ(back.at(Channel::field), r.at(Channel::field));
+    EXPECT_EQ(back.at(Channel::displacement)[3], scale / 3e6);
+    EXPECT_TRUE(std::isnan(back.at(Channel::displacement)[2]));
+    EXPECT_FALSE(back.has(Channel::charge));
+  }
+}
+
+TEST(ImportCsv, NamesEverythingThatIsWrong) {
+  std::ostringstream text;
+  export_csv(exported(), text);
+  auto import = of(text.str() + "0.3,x,0\n");
+  import.time = ColumnMap{.column = "time_s"};
+  import.field = ColumnMap{.column = "field_V_per_m"};
+  import.force = ColumnMap{.column = "force_lbf"};
+  const auto problems = problems_of(import);
+  ASSERT_EQ(problems.size(), 3u);  // no such column, no number, time does not rise
+  EXPECT_EQ(problems[0].path, "/force/column");
+  EXPECT_EQ(problems[1].message, "line 6: column 2 (field_V_per_m) is not a number");
+  EXPECT_EQ(problems[2].message, "line 6: the time does not rise");
+}
+
+TEST(ImportCsv, TakesUnitsFromHeadings) {
+  const auto r = import_csv(
+      of("time [ms];field (kV/mm);charge / uC;Displacement_um;force_kN\n0;0;0;0;0\n5;1,5;2;3;4\n"));
+  EXPECT_THAT(r.time, ElementsAre(0, 5e-3));
+  EXPECT_THAT(r.at(Channel::field), ElementsAre(0, 1.5e6));
+  EXPECT_THAT(r.at(Channel::charge), ElementsAre(0, 2e-6));
+  EXPECT_DOUBLE_EQ(r.at(Channel::displacement)[1], 3e-6);
+  EXPECT_THAT(r.at(Channel::force), ElementsAre(0, 4000));
+}
+
+// What the map says comes first: a scale that is given is not multiplied with what a heading says.
+TEST(ImportCsv, TakesUnitsFromTheMap) {
+  auto import = of("t_s,a_um,b_um,c\n0,0,0,0\n1,5,5,5\n");
+  import.time = ColumnMap{.column = "t_s"};
+  import.displacement = ColumnMap{.column = "a_um", .scale = 1e-9, .offset = 1};
+  import.command = ColumnMap{.column = "b_um", .unit = "kV"};
+  import.field = ColumnMap{.column = "c", .unit = "V/m", .scale = 3};
+  const auto r = import_csv(import);
+  EXPECT_DOUBLE_EQ(r.at(Channel::displacement)[1], 1 + 5e-9);
+  EXPECT_DOUBLE_EQ(r.at(Channel::command)[1], 5e3 / 1e-4);
+  EXPECT_DOUBLE_EQ(r.at(Channel::field)[1], 15);
+}
+
+TEST(ImportCsv, RefusesUnitsThatAreNotUnderstood) {
+  auto problems = problems_of(of("time_s,force_lbf\n0,1\n1,2\n"));
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].path, "/force/column");
+  EXPECT_EQ(problems[0].given, "lbf");
+  EXPECT_THAT(problems[0].hint, HasSubstr("in the map"));
+  problems = problems_of(of("time_V,force_N\n0,1\n1,2\n"));
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].path, "/time/column");
+  auto import = of("time_s,x\n0,1\n1,2\n");
+  import.time = ColumnMap{.column = "time_s"};
+  import.charge = ColumnMap{.column = "x", .unit = "kV"};
+  problems = problems_of(import);
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].path, "/charge/unit");
+}
+
+TEST(ImportCsv, TakesColumnsByNumberAndTimeFromARate) {
+  auto import = of(",7.00,-13.9,-118.1\n,7.01,-14.0,-118.2\n,7.02,-14.1,-118.3\n");
+  import.time = ColumnMap{.number = 2};
+  import.field = ColumnMap{.number = 3, .unit = "V"};
+  import.displacement = ColumnMap{.number = 4, .unit = "um"};
+  const auto r = import_csv(import);
+  EXPECT_THAT(r.time, ElementsAre(7, 7.01, 7.02));
+  EXPECT_DOUBLE_EQ(r.at(Channel::field)[0], -13.9 / 1e-4);
+  import.time.reset();
+  import.sample_rate = 100;
+  EXPECT_THAT(import_csv(import).time, ElementsAre(0, 0.01, 0.02));
+  import.time = ColumnMap{.number = 2};
+  EXPECT_EQ(problems_of(import)[0].path, "/sample_rate_Hz");
+  import.sample_rate.reset();
+  import.time = ColumnMap{.number = 5};
+  EXPECT_EQ(problems_of(import)[0].path, "/time/number");
+  import.time = ColumnMap{.column = "t"};
+  EXPECT_THAT(problems_of(import)[0].hint, HasSubstr("number"));
+  import.time = ColumnMap{};
+  EXPECT_EQ(problems_of(import)[0].path, "/time");
+}
+
+TEST(ImportCsv, SaysWhatIsMissingOrThereTwice) {
+  EXPECT_EQ(problems_of(of("a,b\n0,1\n1,2\n"))[0].path, "/time");
+  EXPECT_EQ(problems_of(of("time_s,b\n0,1\n1,2\n"))[0].message, "has no column of a channel");
+  EXPECT_EQ(problems_of(of("time_s,force_N\n0,1\n"))[0].message, "has fewer than two rows");
+  auto import = of("t,x,x\n0,1,1\n1,2,2\n");
+  import.time = ColumnMap{.column = "t"};
+  import.force = ColumnMap{.column = "x"};
+  EXPECT_THAT(problems_of(import)[0].message, HasSubstr("more than once"));
+  EXPECT_THAT(problems_of(of("time_s,force_N\n0,1\n1,2,3\n2\n"))[0].message,
+              HasSubstr("line 3: has 3 columns, not 2"));
+}
+
+// A stage driven by a triangle, as its logger wrote it: no names, an empty first column.
+TEST(ImportCsv, ReadsAMeasuredStage) {
+  const auto path = std::filesystem::path(FERROBENCH_SOURCE).parent_path() / "shared" / "data" / "measured" /
+                    "stage_hysteresis_1hz_7s_9s.csv";
+  std::ifstream file(path);
+  if (!file) GTEST_SKIP() << path << " is not there";
+  auto import = of({std::istreambuf_iterator<char>(file), {}});
+  import.time = ColumnMap{.number = 2};
+  import.field = ColumnMap{.number = 3, .unit = "V"};
+  import.displacement = ColumnMap{.number = 4, .unit = "um"};
+  const auto r = import_csv(import);
+  EXPECT_GT(r.size(), 5000u);
+  EXPECT_NEAR(r.time.front(), 7, 1e-6);
+  EXPECT_NEAR(r.time.back(), 9, 0.01);
+  EXPECT_NEAR(r.at(Channel::displacement).front(), -118.05964e-6, 1e-12);
+}
+
+}  // namespace
+}  // namespace ferrobench::recordings
