@@ -1,0 +1,12 @@
+# find_package(ferrobench): ferrobench::model brings ferrobench::recordings and ferrobench::protocols with it.
+include(CMakeFindDependencyMacro)
+find_dependency(nlohmann_json)
+find_dependency(Eigen3)
+find_dependency(Ceres)
+find_dependency(fmt)
+find_dependency(ZLIB)
+find_dependency(PkgConfig)
+if(NOT TARGET PkgConfig::HDF5)
+  pkg_check_modules(HDF5 REQUIRED QUIET IMPORTED_TARGET hdf5-serial)
+endif()
+include(${CMAKE_CURRENT_LIST_DIR}/ferrobench-targets.cmake)
