@@ -57,7 +57,7 @@ echo "== where things are"
 echo "recording   $recording"
 if [ "$keep" = yes ]; then
   trap - EXIT
-  echo "daemon      still running, process $daemon; the page's address stands above"
+  echo "daemon      still running, process $daemon; the page's address, and the file with its token, stand above"
 else
   echo "daemon      stopped now; start it with: $bench serve"
   echo "page        the address that it prints then"

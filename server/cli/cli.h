@@ -6,8 +6,11 @@
 #include <chrono>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "recordings/new_file.h"
 
 namespace ferrobench::cli {
 
@@ -39,8 +42,12 @@ void add_protocol(CLI::App& app, Common& common);
 void add_model(CLI::App& app, Common& common);
 void add_call(CLI::App& app, Common& common);
 void add_export(CLI::App& app, Common& common);
+void add_import(CLI::App& app, Common& common);
+void add_limits(CLI::App& app, Common& common);
 void add_selftest(CLI::App& app, Common& common);
 
+// Every option and subcommand: what --help, the manual page and the shell's completion are made from.
+void build_program(CLI::App& app, Common& common);
 // The whole program: parses, acts, prints errors to stderr.
 int run_program(int argc, const char* const* argv);
 // The program without an action, for its help.
@@ -55,18 +62,36 @@ nlohmann::json model_argument(const std::string& given);
 nlohmann::json set_argument(const std::vector<std::string>& settings);
 // The file of a recording: a path, or a name in the store. Error(not_found).
 std::string recording_argument(const std::string& given, const Common& common);
-// To the file, or to stdout if "".
-void write_output(const std::string& file, const std::string& text);
+// The names of recordings that all lie in the data folder, whichever way they were given; nothing if one does
+// not.
+std::optional<std::vector<std::string>> names_in_store(const std::vector<std::string>& given,
+                                                       const Common& common);
+// Where a command's text goes, asked before it works for it. Standard output if "", "-" or a name of it; a
+// pipe or a terminal is written to; a file has its name when all of it is there, whatever had it before, but
+// for the sources of the text. Errors as recordings::demand_place.
+class TextOutput {
+ public:
+  explicit TextOutput(std::string file, const std::vector<std::string>& sources = {});
+  void write(const std::string& text) const;
 
-// Error(io_error) if the file is there and not to be replaced; removed if it is, unless it is `source`, the
-// recording that the new one is made from: Error(invalid_params).
-void demand_free(const std::string& file, bool replace, const std::string& source = "");
+ private:
+  enum class Kind { standard, stream, file };
+  std::string file_;
+  Kind kind_ = Kind::file;
+};
+
+// Asked before a recording is made: Error if it cannot be put there, or something is there that is not to be
+// replaced. What it says is what the maker is to be told. Sources may be names that are no files.
+recordings::Existing demand_free(const std::string& file, bool replace,
+                                 const std::vector<std::string>& sources = {});
 
 // Follows a run from its first status, with progress on stderr, until it is over; an interrupt asks for a
 // safe stop. `ask` and `abort` are told the run's id. Returns the last status, with "interrupted".
 nlohmann::json follow(nlohmann::json status, const std::function<nlohmann::json(const std::string& id)>& ask,
                       const std::function<void(const std::string& id, const std::string& reason)>& abort,
                       bool quiet);
+// Says that the work was stopped with nothing to show for it; the exit code.
+int tell_stopped();
 // Says on stderr what went wrong, if anything did; the exit code.
 int tell_end(const nlohmann::json& status);
 

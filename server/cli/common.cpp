@@ -1,13 +1,14 @@
+#include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 
 #include "model/model.h"
 #include "protocols/protocol.h"
@@ -28,11 +29,14 @@ std::string Common::socket_path() const {
   return socket.empty() ? (fs::path(data_folder()) / "daemon.sock").string() : socket;
 }
 
-Link::Link(const Common& common) : client_(server::Client::try_connect(common.socket_path())) {
-  if (client_) {
-    if (!common.lease.empty()) client_->call("lease.present", {{"lease", common.lease}});
-    return;
-  }
+std::optional<server::Client> running_daemon(const Common& common) {
+  auto daemon = server::Client::try_connect(common.socket_path());
+  if (daemon && !common.lease.empty()) daemon->call("lease.present", {{"lease", common.lease}});
+  return daemon;
+}
+
+Link::Link(const Common& common) : client_(running_daemon(common)) {
+  if (client_) return;
   engine_ = std::make_unique<server::Engine>(common.data_folder(), hub_);
   add_all_methods(rpc_, *engine_);
 }
@@ -85,25 +89,67 @@ json set_argument(const std::vector<std::string>& settings) {
   return out;
 }
 
+std::optional<std::vector<std::string>> names_in_store(const std::vector<std::string>& given,
+                                                       const Common& common) {
+  const server::Store store(common.data_folder());
+  std::vector<std::string> names;
+  for (const auto& each : given) {
+    const auto file = recording_argument(each, common);
+    std::error_code failure;
+    const fs::path path = fs::absolute(file, failure);
+    if (failure || path.extension() != ".h5" ||
+        !fs::equivalent(path.parent_path(), store.recordings(), failure))
+      return std::nullopt;
+    names.push_back(path.stem().string());
+  }
+  return names;
+}
+
 std::string recording_argument(const std::string& given, const Common& common) {
   std::error_code failure;
   if (fs::is_regular_file(recordings::present_file(given), failure)) return given;
   if (given.find('/') == std::string::npos)
     return server::Store(common.data_folder()).recording(given).string();
   throw Error(ErrorCode::not_found, "there is no file \"" + given + "\"",
-              Problem{.path = "/recording", .hint = "'ferrobench list' names the recordings"});
+              Problem{.path = "/recording",
+                      .message = "is not there",
+                      .hint = "recording.list names those of the data folder"});
 }
 
-void write_output(const std::string& file, const std::string& text) {
-  if (file.empty()) {
-    std::cout << text << std::flush;
-    return;
+TextOutput::TextOutput(std::string file, const std::vector<std::string>& sources) : file_(std::move(file)) {
+  struct stat named {
+  }, standard{};
+  if (file_.empty() || file_ == "-") {
+    kind_ = Kind::standard;
+  } else if (stat(file_.c_str(), &named) == 0) {
+    const bool same = fstat(STDOUT_FILENO, &standard) == 0 && named.st_dev == standard.st_dev &&
+                      named.st_ino == standard.st_ino;
+    if (same)
+      kind_ = Kind::standard;
+    else if (S_ISCHR(named.st_mode) || S_ISFIFO(named.st_mode))
+      kind_ = Kind::stream;
   }
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out)
-    throw Error(ErrorCode::io_error, "the output cannot be written", Problem{.path = "/out", .given = file});
+  if (kind_ == Kind::file) recordings::demand_place(file_, recordings::Existing::replace, sources);
+}
+
+void TextOutput::write(const std::string& text) const {
+  switch (kind_) {
+    case Kind::standard:
+      std::cout << text << std::flush;
+      break;
+    case Kind::stream: {
+      const auto stream = recordings::open_file(file_, O_WRONLY | O_NOCTTY);
+      if (!stream) recordings::throw_write_failure(file_, errno);
+      recordings::write_all(stream, text, file_);
+      break;
+    }
+    case Kind::file: {
+      recordings::NewFile out(file_, recordings::Existing::replace);
+      out.write(text);
+      out.put();
+      break;
+    }
+  }
 }
 
 Interrupt::Interrupt() {

@@ -1,7 +1,10 @@
 #include <iostream>
 
+#include "protocols/common/fields.h"
+#include "protocols/common/visible.h"
 #include "recordings/file.h"
 #include "server/cli/cli.h"
+#include "server/cli/words.h"
 #include "server/engine/verify.h"
 
 namespace ferrobench::cli {
@@ -16,8 +19,8 @@ void print_values(const char* title, const std::vector<recordings::ValueDifferen
   constexpr std::size_t most = 20;
   if (!values.empty()) std::printf("\n%s\n", title);
   for (std::size_t i = 0; i < std::min(values.size(), most); ++i)
-    std::printf("  %-40s %s | %s\n", excerpt(values[i].place).c_str(), excerpt(values[i].a.dump()).c_str(),
-                excerpt(values[i].b.dump()).c_str());
+    std::printf("  %-40s %s | %s\n", visible(excerpt(values[i].place)).c_str(),
+                visible(excerpt(values[i].a.dump())).c_str(), visible(excerpt(values[i].b.dump())).c_str());
   if (values.size() > most) std::printf("  and %zu more: --format json\n", values.size() - most);
 }
 
@@ -32,7 +35,7 @@ int compare(const CompareOptions& o, const Common& common) {
   std::printf("%-38s %12s %12s %-6s  %s\n", "column", "rms", "maximum", "unit", "first difference");
   for (const auto& c : difference.columns)
     std::printf("%-38s %12.4g %12.4g %-6s  %s\n", c.dataset.c_str(), c.rms, c.maximum, c.unit.c_str(),
-                server::in_words(c).c_str());
+                visible(server::in_words(c)).c_str());
   print_values("Status, noise, segments, events (first | second)", difference.tables);
   print_values("What else the files say (first | second)", difference.header);
   std::cout << (same ? "\nThe samples are identical.\n" : "\nThe recordings differ.\n");
@@ -48,7 +51,7 @@ void add_compare(CLI::App& app, Common& common) {
   sub->add_option("A", o->a, "a file, or the name of a recording in the data folder")->required();
   sub->add_option("B", o->b, "the other")->required();
   sub->add_option("--format", o->format, "text or json")
-      ->check(CLI::IsMember(std::vector<std::string>{"text", "json"}))
+      ->check(one_of({"text", "json"}))
       ->default_val("text");
   sub->footer(
       "Exit code 1: samples, segments, events, noise or status differ.\n"

@@ -6,6 +6,7 @@
 #include "model/discrepancy/report.h"
 #include "recordings/file.h"
 #include "server/cli/link.h"
+#include "server/cli/words.h"
 #include "server/engine/simulation.h"
 
 namespace ferrobench::cli {
@@ -36,22 +37,46 @@ std::string name_of(const std::string& given) {
   return name.extension() == ".h5" ? name.stem().string() : name.string();
 }
 
-int discover(const DiscoverCommand& o, const Common& common) {
+// What is made of a finding, each as text; as the job of a daemon gives them.
+struct Findings {
+  nlohmann::json discovery{};
+  std::string html{}, text{};
+};
+
+std::vector<std::string> held_out(const DiscoverCommand& o) {
+  std::vector<std::string> out;
+  for (const auto& given : split_names(o.held_out)) out.push_back(name_of(given));
+  return out;
+}
+
+// Nothing if it was cancelled.
+std::optional<Findings> discover_there(const DiscoverCommand& o, const std::vector<std::string>& names,
+                                       server::Client& daemon) {
+  const auto status = carry_out_job(daemon, "discrepancy.start",
+                                    {{"recordings", names},
+                                     {"tables", o.tables},
+                                     {"held_out", held_out(o)},
+                                     {"model", model_argument(o.model)},
+                                     {"seed", o.seed},
+                                     {"threads", o.threads}});
+  const auto& result = status.at("result");
+  if (result.is_null()) return std::nullopt;
+  return Findings{result.at("discovery"), result.at("html"), result.at("text")};
+}
+
+// Of files, in this process: no daemon reads a file by its path.
+std::optional<Findings> discover_here(const DiscoverCommand& o, const Common& common) {
   const auto base = model::model_from_json(
       server::resolve_model(model_argument(o.model), server::Store(common.data_folder())));
   std::vector<model::NamedRecording> recordings;
   for (const auto& given : o.recordings)
     recordings.push_back({name_of(given), recordings::read_recording(recording_argument(given, common))});
 
-  if (recordings.empty() == o.tables.empty())
-    throw Error(ErrorCode::invalid_params,
-                "discover wants recordings, or published tables by --table, not both");
-
   const Interrupt interrupt;
   ProgressLine line;
   const auto begin = std::chrono::steady_clock::now();
   model::DiscoverOptions options;
-  for (const auto& given : split_names(o.held_out)) options.held_out.push_back(name_of(given));
+  options.held_out = held_out(o);
   options.threads = o.threads;
   options.seed = o.seed;
   options.progress = [&](const model::DiscoverProgress& p) {
@@ -59,21 +84,34 @@ int discover(const DiscoverCommand& o, const Common& common) {
     line.show(p.stage, p.fraction, p.fraction > 0.02 ? spent.count() * (1 - p.fraction) / p.fraction : -1);
     return Interrupt::count() == 0;
   };
-  model::Discovery found;
+  options.stop = [] { return Interrupt::count() > 0; };
   try {
-    found = o.tables.empty() ? model::discover(base, std::move(recordings), options)
-                             : model::discover_in_tables(base, o.tables, options);
+    const auto found = o.tables.empty() ? model::discover(base, std::move(recordings), options)
+                                        : model::discover_in_tables(base, o.tables, options);
+    line.finish();
+    return Findings{to_json(found), html_report(found), text_report(found)};
   } catch (const Error& e) {
     line.finish();
     if (e.code() != ErrorCode::cancelled) throw;
-    std::cerr << "ferrobench: stopped; nothing was written\n";
-    return exit_interrupted;
+    return std::nullopt;
   }
-  line.finish();
-  if (!o.json.empty()) write_output(o.json == "-" ? "" : o.json, to_json(found).dump(2) + "\n");
-  if (!o.report.empty()) write_output(o.report, html_report(found));
-  if (!o.improved.empty()) write_output(o.improved, to_json(found.improved).dump(2) + "\n");
-  if (o.json != "-") write_output("", text_report(found));
+}
+
+int discover(const DiscoverCommand& o, const Common& common) {
+  if (o.recordings.empty() == o.tables.empty())
+    throw Error(ErrorCode::invalid_params,
+                "discover wants recordings, or published tables by --table, not both");
+  std::vector<std::string> sources{o.model};
+  for (const auto& given : o.recordings) sources.push_back(recording_argument(given, common));
+  const TextOutput json(o.json, sources), report(o.report, sources), improved(o.improved, sources);
+  const auto names = names_in_store(o.recordings, common);
+  auto daemon = names ? running_daemon(common) : std::nullopt;
+  const auto found = daemon ? discover_there(o, *names, *daemon) : discover_here(o, common);
+  if (!found) return tell_stopped();
+  if (!o.json.empty()) json.write(found->discovery.dump(2) + "\n");
+  if (!o.report.empty()) report.write(found->html);
+  if (!o.improved.empty()) improved.write(found->discovery.at("model").dump(2) + "\n");
+  if (o.json != "-") TextOutput("").write(found->text);
   return exit_ok;
 }
 
@@ -102,13 +140,17 @@ void add_discover(CLI::App& app, Common& common) {
   sub->add_option("--report", o->report, "file of the report, a page with pictures")->type_name("OUT.html");
   sub->add_option("--improved", o->improved, "file of the improved model")->type_name("OUT-MODEL.json");
   sub->add_option("--threads", o->threads, "0: as many as the machine has")
-      ->check(CLI::Range(0, 256))
+      ->check(number_from(0, 256))
       ->capture_default_str();
   sub->add_option("--seed", o->seed, "of the recalibration's other starts")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from(0))
       ->capture_default_str();
   sub->footer(
-      "Prints the findings. Ctrl-C stops it; nothing is written then.\n"
+      "Prints the findings. Ctrl-C stops it; nothing is written then. While a daemon runs, recordings of the "
+      "data\n"
+      "folder and tables are its job, which goes on if this command is killed (job.list); files from "
+      "elsewhere\n"
+      "are searched by the command.\n"
       "Examples:\n"
       "  ferrobench discover --model nec-ae0505d08 *.h5 --report missing.html --improved better.json\n"
       "  ferrobench discover --model nec-single-crystal --table 3.11 --table 3.12\n"

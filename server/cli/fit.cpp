@@ -3,6 +3,7 @@
 
 #include "recordings/file.h"
 #include "server/cli/link.h"
+#include "server/cli/words.h"
 #include "server/engine/fitting.h"
 
 namespace ferrobench::cli {
@@ -33,10 +34,12 @@ void print_result(const json& result) {
               result.at("cost_before").get<double>(), result.at("cost_after").get<double>(),
               result.at("simulations").get<int>(),
               result.at("stopped").get<bool>() ? ", stopped: the best so far" : "");
+  for (const auto& sentence : result.at("unused"))
+    std::printf("not used: %s\n", sentence.get<std::string>().c_str());
 }
 
-int fit(FitOptions o, const Common& common) {
-  o.request.set = set_argument(o.set);
+// Of files, in this process: no daemon reads a file by its path.
+json fit_here(const FitOptions& o, const Common& common) {
   const auto start = model::model_from_json(
       server::resolve_model(model_argument(o.model), server::Store(common.data_folder())));
   std::vector<recordings::Recording> recordings;
@@ -46,17 +49,39 @@ int fit(FitOptions o, const Common& common) {
   const Interrupt interrupt;
   ProgressLine line;
   const auto begin = std::chrono::steady_clock::now();
-  const auto result =
-      server::fit_model(o.request, start, std::move(recordings), [&](const model::FitProgress& p) {
+  auto result = server::fit_model(
+      o.request, start, std::move(recordings),
+      [&](const model::FitProgress& p) {
         const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
         const double left = p.fraction > 0 ? spent.count() * (1 - p.fraction) / p.fraction : -1;
         line.show("start " + std::to_string(p.start + 1) + " of " + std::to_string(p.starts), p.fraction,
                   left);
         return Interrupt::count() == 0;
-      });
+      },
+      [] { return Interrupt::count() > 0; });
   line.finish();
+  return result;
+}
+
+int fit(FitOptions o, const Common& common) {
+  std::vector<std::string> sources{o.model};
+  for (const auto& given : o.recordings) sources.push_back(recording_argument(given, common));
+  const TextOutput out(o.out, sources);
+  o.request.set = set_argument(o.set);
+  const auto names = names_in_store(o.recordings, common);
+  auto daemon = names ? running_daemon(common) : std::nullopt;
+  json result;
+  if (daemon) {
+    auto params = write_json(o.request);
+    params["recordings"] = *names;
+    params["model"] = model_argument(o.model);
+    result = carry_out_job(*daemon, "model.fit", params).at("result");
+    if (result.is_null()) return tell_stopped();
+  } else {
+    result = fit_here(o, common);
+  }
   print_result(result);
-  write_output(o.out, result.at("model").dump(2) + "\n");
+  out.write(result.at("model").dump(2) + "\n");
   return result.value("stopped", false) ? exit_interrupted : exit_ok;
 }
 
@@ -82,17 +107,20 @@ void add_fit(CLI::App& app, Common& common) {
            "a parameter that moves, for example material.barrier; again for more; default: the usual ones"))
       ->type_name("PATH");
   sub->add_option("--starts", o->request.starts, "searches, the first from the model given")
-      ->check(CLI::Range(1, 1000))
+      ->check(number_from(1, 1000))
       ->capture_default_str();
   sub->add_option("--iterations", o->request.iterations, "of each start, at most")
-      ->check(CLI::Range(1, 10000))
+      ->check(number_from(1, 10000))
       ->capture_default_str();
   sub->add_option("--seed", o->request.seed, "of the other starts")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from(0))
       ->capture_default_str();
   sub->add_option("--out", o->out, "file of the fitted model")->type_name("OUT.json")->required();
   sub->footer(
-      "Ctrl-C ends with the best so far.\n"
+      "Ctrl-C ends with the best so far. While a daemon runs, recordings of the data folder and tables are "
+      "its\n"
+      "job, which goes on if this command is killed (job.list); files from elsewhere are fitted by the "
+      "command.\n"
       "Examples:\n"
       "  ferrobench fit --table 3.11 --table 3.12 --model soft-pzt --out nec.json\n"
       "  ferrobench fit creep.h5 loops.h5 --model nec-ae0505d08 --free material.barrier --out mine.json\n"

@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "protocols/common/visible.h"
 #include "protocols/protocol.h"
 #include "server/cli/link.h"
 #include "server/net/token.h"
@@ -27,16 +28,21 @@ int list_protocols(const Options&, const Common& common) {
   const auto listed = Link(common).call("protocol.list");
   for (const auto& p : listed.at("protocols"))
     std::printf("%-40s %s (%s)\n", p.at("name").get<std::string>().c_str(),
-                p.at("title").get<std::string>().c_str(), p.at("source").get<std::string>().c_str());
+                visible(p.at("title").get<std::string>()).c_str(), p.at("source").get<std::string>().c_str());
   return exit_ok;
 }
 
 int list_models(const Options&, const Common& common) {
   const auto models = Link(common).call("model.list");
-  for (const auto& m : models.at("models"))
-    std::printf("%-24s %s%s\n", m.at("name").get<std::string>().c_str(),
-                m.at("title").get<std::string>().c_str(),
+  for (const auto& m : models.at("models")) {
+    const auto name = visible(m.at("name").get<std::string>());
+    if (const auto error = m.value("error", ""); !error.empty()) {
+      std::printf("%-24s cannot be used: %s\n", name.c_str(), visible(error).c_str());
+      continue;
+    }
+    std::printf("%-24s %s%s\n", name.c_str(), visible(m.at("title").get<std::string>()).c_str(),
                 m.at("name") == models.at("default") ? " (default)" : "");
+  }
   return exit_ok;
 }
 
@@ -47,20 +53,33 @@ int validate(const Options& o, const Common&) {
   return exit_ok;
 }
 
+void print_segment(const json& s, const std::string& unit, double size) {
+  const auto level = [&](const char* key) { return s.at(key).get<double>() / size; };
+  const auto kind = s.at("kind").get<std::string>();
+  std::printf("  %10.3f s  %-5s to %9.4f %s  %s", s.at("start_s").get<double>(), kind.c_str(), level("level"),
+              unit.c_str(), visible(s.at("label").get<std::string>()).c_str());
+  if (kind == "sine")
+    std::printf(": %.4g %s about %.4g %s at %.4g Hz", level("amplitude"), unit.c_str(), level("center"),
+                unit.c_str(), s.at("frequency_Hz").get<double>());
+  std::printf("\n");
+}
+
 int preview(const Options& o, const Common& common) {
   json params{{"protocol", protocol_argument(o.name)}, {"set", set_argument(o.set)}, {"max_points", 2}};
   if (const auto model = model_argument(o.model); !model.is_null()) params["model"] = model;
   const auto p = Link(common).call("protocol.preview", params);
-  std::printf("%.6g s, %lld samples at %.6g Hz, field %.4g to %.4g kV/mm, steepest %.4g kV/mm/s\n",
+  const auto unit = p.at("unit").get<std::string>();
+  const auto size = p.at("unit_V_per_m").get<double>();
+  std::printf("%.6g s, %lld samples at %.6g Hz, from %.4g to %.4g %s, steepest %.4g %s/s\n",
               p.at("duration_s").get<double>(), static_cast<long long>(p.at("samples").get<std::int64_t>()),
-              p.at("sample_rate_Hz").get<double>(), p.at("field_min").get<double>() * 1e-6,
-              p.at("field_max").get<double>() * 1e-6, p.at("max_slew").get<double>() * 1e-6);
-  for (const auto& s : p.at("segments"))
-    std::printf("  %10.3f s  %-5s to %8.4f kV/mm  %s\n", s.at("start_s").get<double>(),
-                s.at("kind").get<std::string>().c_str(), s.at("level").get<double>() * 1e-6,
-                s.at("label").get<std::string>().c_str());
-  for (const auto& problem : p.at("problems")) std::cerr << "past a limit: " << problem.dump() << '\n';
-  return p.at("problems").empty() ? exit_ok : exit_error;
+              p.at("sample_rate_Hz").get<double>(), p.at("field_min").get<double>() / size,
+              p.at("field_max").get<double>() / size, unit.c_str(), p.at("max_slew").get<double>() / size,
+              unit.c_str());
+  for (const auto& s : p.at("segments")) print_segment(s, unit, size);
+  std::cout << std::flush;
+  if (p.at("problems").empty()) return exit_ok;
+  throw server::failure_of("the program goes beyond a limit, and a run would refuse it",
+                           {{"name", "limit_exceeded"}, {"problems", p.at("problems")}});
 }
 
 CLI::App* add(CLI::App* parent, const std::string& name, const std::string& help,
@@ -95,8 +114,9 @@ void add_protocol(CLI::App& app, Common& common) {
   add(sub, "validate", "Every problem of a protocol file with its path", o, common, validate)
       ->add_option("FILE", o->name, "the protocol")
       ->required();
-  auto* show = add(sub, "preview", "What a run would do: length, extremes, segments, limits passed", o,
-                   common, preview);
+  auto* show =
+      add(sub, "preview", "What a run would do: length, extremes, segments, limits that it goes beyond", o,
+          common, preview);
   show->add_option("PROTOCOL", o->name, "name or file")->required();
   show->add_option("--model", o->model, "by name or file");
   show->add_option("--set", o->set, "as for run; again for more")
@@ -164,7 +184,7 @@ void add_call(CLI::App& app, Common& common) {
       "  ferrobench call --url https://bench.lab:8377 --ca bench.pem --token-file bench.token run.status");
   sub->callback([o, &common] {
     common.action = [o, &common] {
-      const auto params = parse_json_text(o->params, ErrorCode::invalid_params, "the parameters");
+      const auto params = parse_json_text(o->params, ErrorCode::invalid_params, "the JSON given");
       if (o->url.empty()) return print(call_here(common, o->method, params));
       const auto file = o->token_file.empty() ? server::state_folder() / "token" : fs::path(o->token_file);
       return print(

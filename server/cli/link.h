@@ -29,9 +29,16 @@ class Link {
   server::CallContext context_{.client = "command line", .lease = "", .subscriber = nullptr};
 };
 
+// The daemon, where one runs; it has been shown the lease.
+std::optional<server::Client> running_daemon(const Common& common);
+
+// Long work of the daemon: starts the job that `method` is, shows how far it is, and cancels it on Ctrl-C.
+// The last status: complete, or cancelled with whatever result there is. What failed is thrown.
+nlohmann::json carry_out_job(server::Client& daemon, const std::string& method, const nlohmann::json& params);
+
 // Starts a run (parameters of run.start), follows it, and sees to it that the recording lies in `out`, if not
 // "". Returns the last status, with "interrupted".
-nlohmann::json carry_out(Link& link, const nlohmann::json& params, const std::string& out, bool quiet,
-                         const Common& common);
+nlohmann::json carry_out(Link& link, const nlohmann::json& params, const std::string& out,
+                         recordings::Existing existing, bool quiet, const Common& common);
 
 }  // namespace ferrobench::cli

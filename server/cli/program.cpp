@@ -4,12 +4,11 @@
 #include "protocols/common/error.h"
 #include "recordings/version.h"
 #include "server/cli/cli.h"
+#include "server/cli/words.h"
 
 namespace ferrobench::cli {
 
-namespace {
-
-void build(CLI::App& app, Common& common) {
+void build_program(CLI::App& app, Common& common) {
   app.description(
       "ferrobench: field programs on ferroelectric actuators, from the experiment to the report.\n"
       "Without a daemon (ferrobench serve) the same engine runs within the command.");
@@ -48,25 +47,30 @@ void build(CLI::App& app, Common& common) {
   add_protocol(app, common);
   add_model(app, common);
   add_selftest(app, common);
+  add_limits(app, common);
   add_call(app, common);
   add_export(app, common);
+  add_import(app, common);
 }
-
-}  // namespace
 
 int run_program(int argc, const char* const* argv) {
   CLI::App app;
   Common common;
-  build(app, common);
+  build_program(app, common);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? exit_ok : exit_usage;
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    std::cerr << "ferrobench: " << usage_in_words(error, app) << '\n';
+    return exit_usage;
   }
   try {
-    return common.action();
+    const int code = common.action();
+    if (std::cout.flush() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+    throw Error(ErrorCode::io_error, "the output could not be written",
+                Problem{.hint = "see where standard output leads to"});
   } catch (const Error& error) {
-    std::cerr << "ferrobench: " << error.what() << '\n';
+    std::cerr << "ferrobench: " << in_users_words(error, chosen(app)).what() << '\n';
   } catch (const std::exception& error) {
     std::cerr << "ferrobench: " << error.what() << '\n';
   }
@@ -76,7 +80,7 @@ int run_program(int argc, const char* const* argv) {
 std::string help_of(const std::vector<std::string>& arguments) {
   CLI::App app;
   Common common;
-  build(app, common);
+  build_program(app, common);
   CLI::App* at = &app;
   for (const auto& name : arguments) at = at->get_subcommand(name);
   return at->help();

@@ -2,10 +2,13 @@
 #include <iostream>
 #include <sstream>
 
+#include "protocols/common/visible.h"
 #include "recordings/export.h"
 #include "recordings/file.h"
+#include "recordings/journal_writer.h"
 #include "recordings/reports/report.h"
 #include "server/cli/link.h"
+#include "server/cli/words.h"
 #include "server/engine/simulation.h"
 
 namespace ferrobench::cli {
@@ -34,21 +37,27 @@ int list(const RecordingOptions& o, const Common& common) {
   if (recordings.empty()) std::cerr << "no recordings yet: ferrobench run PROTOCOL makes one\n";
   for (const auto& r : recordings)
     std::printf("%-52s %-10s %9.1f s %9lld rows  %s\n", r.at("name").get<std::string>().c_str(),
-                r.at("status").get<std::string>().c_str(), r.at("duration_s").get<double>(),
+                visible(r.at("status").get<std::string>()).c_str(), r.at("duration_s").get<double>(),
                 static_cast<long long>(r.at("rows").get<std::int64_t>()),
-                r.at("title").get<std::string>().c_str());
+                visible(r.at("title").get<std::string>()).c_str());
   return exit_ok;
 }
 
+std::vector<std::string> sources_of(const std::string& recording) {
+  return {recording, recordings::journal_path(recording)};
+}
+
 int report(const RecordingOptions& o, const Common& common) {
-  const auto recording = recordings::read_recording(recording_argument(o.recording, common));
-  write_output(o.out,
-               render(recordings::make_report(recording), recording, recordings::format_from_name(o.format)));
+  const auto path = recording_argument(o.recording, common);
+  const TextOutput out(o.out, sources_of(path));
+  const auto recording = recordings::read_recording(path);
+  out.write(render(recordings::make_report(recording), recording, recordings::format_from_name(o.format)));
   return exit_ok;
 }
 
 int simulate(const RecordingOptions& o, const Common& common) {
   const auto path = recording_argument(o.recording, common);
+  demand_free(o.out, true, {path, o.model});
   auto model = model_argument(o.model);
   if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
   const auto simulation = server::simulate_recording(recordings::read_recording(path), model, path);
@@ -63,10 +72,12 @@ int simulate(const RecordingOptions& o, const Common& common) {
 }
 
 int export_samples(const RecordingOptions& o, const Common& common) {
-  const auto recording = recordings::read_recording(recording_argument(o.recording, common));
+  const auto path = recording_argument(o.recording, common);
+  const TextOutput out(o.out, sources_of(path));
+  const auto recording = recordings::read_recording(path);
   std::ostringstream text;
   o.format == "csv" ? export_csv(recording, text) : export_json(recording, text);
-  write_output(o.out, text.str());
+  out.write(text.str());
   return exit_ok;
 }
 
@@ -83,11 +94,12 @@ void add_list(CLI::App& app, Common& common) {
       app.add_subcommand("list", "List the recordings of the data folder, newest first, with their status");
   auto o = std::make_shared<RecordingOptions>();
   sub->add_option("--format", o->format, "text or json")
-      ->check(CLI::IsMember(std::vector<std::string>{"text", "json"}))
+      ->check(one_of({"text", "json"}))
       ->default_val("text");
   sub->footer(
-      "Status: running, complete, aborted, recovered (the run broke off, its file was made later) or "
-      "unreadable.\n"
+      "Status: running, broken_off (its program ended; 'ferrobench recover' makes the file), complete, "
+      "aborted,\n"
+      "recovered (broken off, and its file made) or unreadable.\n"
       "Example:\n  ferrobench list --format json");
   act(sub, o, common, list);
 }
@@ -97,7 +109,7 @@ void add_report(CLI::App& app, Common& common) {
       app.add_subcommand("report", "Report a recording: stroke, hysteresis, creep, rates, minor loops");
   auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
-  sub->add_option("--format", o->format, "of the report")->check(CLI::IsMember(formats))->default_val("text");
+  sub->add_option("--format", o->format, "of the report")->check(one_of(formats))->default_val("text");
   sub->add_option("--out", o->out, "default: standard output")->type_name("FILE");
   sub->footer("Example:\n  ferrobench report creep.h5 --format html --out creep.html");
   act(sub, o, common, report);
@@ -124,7 +136,7 @@ void add_export(CLI::App& app, Common& common) {
   auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
   sub->add_option("--format", o->format, "csv: the samples; json: with specimen, load, segments and events")
-      ->check(CLI::IsMember(std::vector<std::string>{"csv", "json"}))
+      ->check(one_of({"csv", "json"}))
       ->default_val("csv");
   sub->add_option("--out", o->out, "default: standard output")->type_name("FILE");
   sub->footer("Example:\n  ferrobench export creep.h5 --out creep.csv");

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "protocols/common/visible.h"
 #include "server/cli/link.h"
 
 namespace ferrobench::cli {
@@ -16,8 +17,11 @@ namespace {
 std::vector<std::string> chosen(const std::string& given, const Common& common) {
   const server::Store store(common.data_folder());
   std::error_code failure;
-  if (given.empty()) return recordings::find_broken(store.recordings().string());
-  if (fs::is_directory(given, failure)) return recordings::find_broken(given);
+  if (given.empty() || fs::is_directory(given, failure)) {
+    const auto folder = given.empty() ? store.folder().string() : given;
+    recordings::remove_leftovers(folder);
+    return recordings::find_broken(folder);
+  }
   const bool is_file = fs::exists(given, failure) || fs::exists(recordings::present_file(given), failure);
   return {is_file || given.find('/') != std::string::npos ? given : store.recording(given).string()};
 }
@@ -33,10 +37,11 @@ int recover(const std::string& given, const Common& common) {
         line.show("recovering " + fs::path(path).filename().string(), share, -1);
       });
       line.finish();
-      std::cout << recovered_name(done.outcome) << ' ' << done.path << ": " << done.message << '\n';
+      std::cout << recovered_name(done.outcome) << ' ' << visible(done.path) << ": " << visible(done.message)
+                << '\n';
     } catch (const Error& error) {
       line.finish();
-      std::cerr << "ferrobench: " << path << ": " << error.what() << '\n';
+      std::cerr << "ferrobench: " << visible(path) << ": " << error.what() << '\n';
       code = exit_error;
     }
   }

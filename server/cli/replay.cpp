@@ -2,10 +2,12 @@
 #include <iostream>
 
 #include "daq/replay/play.h"
+#include "protocols/common/visible.h"
 #include "recordings/file.h"
 #include "recordings/reports/report.h"
 #include "recordings/statistics.h"
 #include "server/cli/link.h"
+#include "server/cli/words.h"
 #include "server/engine/simulation.h"
 #include "server/engine/verify.h"
 
@@ -67,12 +69,13 @@ struct Scratch {
 };
 
 // Through the whole machinery of a run, into a file.
-int replay_to_file(const ReplayOptions& o, const std::string& path) {
+int replay_to_file(const ReplayOptions& o, const std::string& path, recordings::Existing existing) {
   const Scratch scratch;
   server::Hub hub;
   server::Engine engine(scratch.path, hub);
   const auto out = o.out.empty() ? (scratch.path / "replay.h5").string() : o.out;
-  const auto request = request_of(o, path);
+  auto request = request_of(o, path);
+  request.existing = existing;
   const Interrupt interrupt;
   const auto status = follow(
       write_json(engine.start(request, out)),
@@ -111,7 +114,7 @@ daq::Replay replay_in_memory(const ReplayOptions& o, const std::string& path) {
 
 // The model's answer to the field that was replayed, beside what was measured.
 int beside_model(const ReplayOptions& o, const Recording& measured, const std::string& path,
-                 const Common& common) {
+                 recordings::Existing existing, const Common& common) {
   auto model = model_argument(o.model);
   if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
   const auto simulation = server::simulate_recording(measured, model, path);
@@ -132,7 +135,7 @@ int beside_model(const ReplayOptions& o, const Recording& measured, const std::s
                 high > low ? 100 * c.rms / (high - low) : 0);
   }
   if (o.out.empty()) return exit_ok;
-  recordings::write_recording(o.out, simulation.recording);
+  recordings::write_recording(o.out, simulation.recording, existing);
   std::cout << o.out << '\n';
   return exit_ok;
 }
@@ -140,16 +143,16 @@ int beside_model(const ReplayOptions& o, const Recording& measured, const std::s
 int replay(const ReplayOptions& o, const Common& common) {
   const auto path = recording_argument(o.recording, common);
   demand_sense(o);
-  demand_free(o.out, o.force, path);
-  if (o.verify || (!o.out.empty() && o.model.empty())) return replay_to_file(o, path);
+  const auto existing = demand_free(o.out, o.force, {path, o.model});
+  if (o.verify || (!o.out.empty() && o.model.empty())) return replay_to_file(o, path, existing);
   const auto replayed = replay_in_memory(o, path);
   if (replayed.outcome.end != daq::End::complete) {
-    std::cerr << "ferrobench: the replay was stopped: " << replayed.outcome.reason << '\n';
+    std::cerr << "ferrobench: the replay was stopped: " << visible(replayed.outcome.reason) << '\n';
     return Interrupt::count() > 0 ? exit_interrupted : exit_error;
   }
-  if (!o.model.empty()) return beside_model(o, replayed.recording, path, common);
-  write_output("", render(recordings::make_report(replayed.recording), replayed.recording,
-                          recordings::format_from_name(o.format)));
+  if (!o.model.empty()) return beside_model(o, replayed.recording, path, existing, common);
+  std::cout << render(recordings::make_report(replayed.recording), replayed.recording,
+                      recordings::format_from_name(o.format));
   return exit_ok;
 }
 
@@ -164,11 +167,11 @@ void add_replay(CLI::App& app, Common& common) {
       "--verify", o->verify,
       "say whether samples, events, segments and report come out identical, or the first difference");
   auto* speed = sub->add_option("--speed", o->speed, "times the recorded speed; default: 1")
-                    ->check(CLI::Range(1.0, 1e6));
+                    ->check(number_from(1.0, 1e6));
   sub->add_flag("--fast", o->fast, "as fast as it can go; --verify and --model do so unless --speed is given")
       ->excludes(speed);
-  sub->add_option("--from", o->from, "start of the part to play, in s");
-  sub->add_option("--to", o->to, "end of the part to play, in s");
+  sub->add_option("--from", o->from, "start of the part to play, in s")->check(number_from(0));
+  sub->add_option("--to", o->to, "end of the part to play, in s")->check(number_from(0));
   sub->add_option(
          "--set", o->set,
          "change of calibration: CHANNEL.gain, CHANNEL.offset (SI), for field, charge, displacement, "
@@ -178,16 +181,16 @@ void add_replay(CLI::App& app, Common& common) {
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   sub->add_option("--played", o->played,
                   "counts: through the scaling, where there are any; signals: SI values")
-      ->check(CLI::IsMember(std::vector<std::string>{"counts", "signals"}))
+      ->check(one_of({"counts", "signals"}))
       ->capture_default_str();
   sub->add_option("--model", o->model,
                   "play the recorded field through this model (name or file) as well: rms of model against "
                   "measurement, by channel");
   sub->add_option("--out", o->out, "file of the new recording; with --model, of what the model says")
       ->type_name("OUT.h5");
-  sub->add_flag("--force", o->force, "replace the file if it is there");
+  sub->add_flag("--force", o->force, "replace the file if it is there, once the new one is whole");
   sub->add_option("--format", o->format, "of the report")
-      ->check(CLI::IsMember(std::vector<std::string>{"text", "md", "csv", "json", "html"}))
+      ->check(one_of({"text", "md", "csv", "json", "html"}))
       ->capture_default_str();
   sub->add_flag("--quiet", o->quiet, "no progress");
   sub->footer(

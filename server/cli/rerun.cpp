@@ -17,15 +17,15 @@ struct RerunOptions {
 
 int rerun(const RerunOptions& o, const Common& common) {
   const auto path = recording_argument(o.recording, common);
+  const auto existing = demand_free(o.out, o.force, {path});
   const auto before = recordings::read_recording(path);
   auto request = server::rerun_request(before);
   const bool is_virtual = request.device == "virtual" && o.device.empty();
   if (!o.device.empty()) request.device = o.device;
   request.notes = o.notes;
-  demand_free(o.out, o.force, path);
   const Interrupt interrupt;
   Link link(common);
-  const auto status = carry_out(link, write_json(request), o.out, o.quiet, common);
+  const auto status = carry_out(link, write_json(request), o.out, existing, o.quiet, common);
   const auto out = status.at("path").get<std::string>();
   if (!out.empty()) std::cout << out << '\n';
   if (const int code = tell_end(status); code != exit_ok || !is_virtual) return code;
@@ -53,7 +53,7 @@ void add_rerun(CLI::App& app, Common& common) {
   sub->add_option("--device", o->device, "one opened before; default: a device of the recording's kind");
   sub->add_option("--out", o->out, "file of the new recording; default: a new one in the data folder")
       ->type_name("FILE.h5");
-  sub->add_flag("--force", o->force, "replace the file if it is there");
+  sub->add_flag("--force", o->force, "replace the file if it is there, once the new one is whole");
   sub->add_option("--notes", o->notes, "kept in the new recording");
   sub->add_flag("--quiet", o->quiet, "no progress");
   sub->footer(

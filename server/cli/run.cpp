@@ -2,6 +2,7 @@
 
 #include "daq/usb/config.h"
 #include "server/cli/link.h"
+#include "server/cli/words.h"
 
 namespace ferrobench::cli {
 
@@ -18,8 +19,9 @@ struct RunOptions {
 };
 
 int run(const RunOptions& o, const Common& common) {
-  const auto source = server::replayed(o.device);
-  demand_free(o.out, o.force, source && o.force ? recording_argument(*source, common) : "");
+  std::vector<std::string> sources{o.protocol, o.model, o.config};
+  if (const auto name = server::replayed(o.device)) sources.push_back(recording_argument(*name, common));
+  const auto existing = demand_free(o.out, o.force, sources);
   const Interrupt interrupt;
   Link link(common);
   json params{{"device", o.device},
@@ -30,7 +32,7 @@ int run(const RunOptions& o, const Common& common) {
   if (!o.protocol.empty()) params["protocol"] = protocol_argument(o.protocol);
   if (!o.config.empty()) params["config"] = daq::usb::load_json(o.config);
   if (const auto model = model_argument(o.model); !model.is_null()) params["model"] = model;
-  const auto status = carry_out(link, params, o.out, o.quiet, common);
+  const auto status = carry_out(link, params, o.out, existing, o.quiet, common);
   const auto path = status.at("path").get<std::string>();
   const int code = tell_end(status);
   if (!path.empty()) std::cout << path << '\n';
@@ -42,9 +44,10 @@ int run(const RunOptions& o, const Common& common) {
 void add_run(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("run", "Run a protocol on a device; prints the recording's file");
   auto o = std::make_shared<RunOptions>();
-  sub->add_option("PROTOCOL", o->protocol,
-                  "name of a shipped protocol, or a file (.json, or .csv of time in s and kV/mm); "
-                  "none for a replay");
+  sub->add_option(
+      "PROTOCOL", o->protocol,
+      "name of a shipped protocol, or a file: .json, or .csv of time and level, in s and kV/mm unless its "
+      "headings say otherwise (voltage_V, E [MV/m], t/ms); none for a replay");
   sub->add_option("--device", o->device, "kind of device, one opened before, or replay:RECORDING")
       ->capture_default_str();
   sub->add_option("--device-config", o->config, "what the device is and what is wired to it")
@@ -52,11 +55,11 @@ void add_run(CLI::App& app, Common& common) {
   sub->add_option("--model", o->model, "virtual device: model by name or file");
   sub->add_flag("--fast", o->fast, "virtual device and replay: as fast as it can go");
   sub->add_option("--seed", o->seed, "virtual device: of the noise; same seed, same signals")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from(0))
       ->capture_default_str();
   sub->add_option("--out", o->out, "file of the recording; default: a new one in the data folder")
       ->type_name("FILE.h5");
-  sub->add_flag("--force", o->force, "replace the file if it is there");
+  sub->add_flag("--force", o->force, "replace the file if it is there, once the new one is whole");
   sub->add_option("--set", o->set,
                   "a parameter of the protocol, prestress_MPa, prestress_Pa, spring_stiffness_N_per_m, "
                   "sample_rate_Hz, model.<path>, device.<path>; again for more")

@@ -1,9 +1,13 @@
+#include "daq/selftest.h"
+
 #include <algorithm>
 #include <iostream>
+#include <limits>
 
 #include "daq/usb/config.h"
 #include "recordings/reports/table.h"
 #include "server/cli/link.h"
+#include "server/cli/words.h"
 
 namespace ferrobench::cli {
 
@@ -13,6 +17,7 @@ namespace {
 
 struct SelftestOptions {
   std::string device = "virtual", config{}, model{}, format{};
+  double rate = daq::selftest_rate;  // Hz
 };
 
 // A device that is opened for the test and closed after it, or one that was open before.
@@ -55,8 +60,10 @@ recordings::Table table_of(const json& report) {
                                     {"result", "result", ""}},
                         .rows = {},
                         .notes = {}};
+  constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
   for (const auto& row : report.at("rows"))
-    out.rows.push_back({row.at("quantity").get<std::string>(), row.at("measured").get<double>(),
+    out.rows.push_back({row.at("quantity").get<std::string>(),
+                        row.at("measured").is_null() ? nothing : row.at("measured").get<double>(),
                         row.at("lowest").get<double>(), row.at("highest").get<double>(),
                         row.at("unit").get<std::string>(),
                         std::string(row.at("passed").get<bool>() ? "good" : "NOT GOOD")});
@@ -71,7 +78,7 @@ int selftest(const SelftestOptions& o, const Common& common) {
   json report;
   {
     const Opened device(link, o);
-    report = link.call("device.selftest", {{"device", device.name()}});
+    report = link.call("device.selftest", {{"device", device.name()}, {"sample_rate_Hz", o.rate}});
   }
   std::cout << (o.format == "json" ? report.dump(2) + "\n" : to_text(table_of(report)));
   if (Interrupt::count() > 0) return exit_interrupted;
@@ -87,11 +94,13 @@ void add_selftest(CLI::App& app, Common& common) {
   sub->add_option("--device-config", o->config, "what the device is and what is wired to it")
       ->type_name("FILE.json");
   sub->add_option("--model", o->model, "virtual device: model by name or file");
+  sub->add_option("--rate", o->rate, "sample rate in Hz")->capture_default_str();
   sub->add_option("--format", o->format, "text or json")
-      ->check(CLI::IsMember(std::vector<std::string>{"text", "json"}))
+      ->check(one_of({"text", "json"}))
       ->default_val("text");
   sub->footer(
-      "Plays holds at zero and at 5e4 V/m (5 V on layers of 0.1 mm) with ramps between, two seconds in all:\n"
+      "Plays holds at zero and at 5e4 V/m (5 V on layers of 0.1 mm) with ramps between, two seconds in all,\n"
+      "longer below 200 Hz:\n"
       "the amplifier's monitor, or the analog output itself, must be wired to the field's input. A specimen\n"
       "that rings or drifts in steps shows as noise of its channels.\n"
       "Exit code 1: something is not as the device states.\n"

@@ -1,11 +1,12 @@
-#include <sys/stat.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
+#include <future>
 #include <iostream>
 #include <thread>
 
 #include "server/cli/link.h"
+#include "server/cli/words.h"
 #include "server/engine/aftermath.h"
 #include "server/methods/methods.h"
 #include "server/methods/metrics.h"
@@ -25,12 +26,11 @@ struct ServeOptions {
   std::string token_file{};
 };
 
-// systemd's journal, which others may read.
-bool writes_to_journal() {
-  struct stat out {};
-  const char* journal = std::getenv("JOURNAL_STREAM");
-  return journal != nullptr && fstat(STDOUT_FILENO, &out) == 0 &&
-         journal == std::to_string(out.st_dev) + ":" + std::to_string(out.st_ino);
+// The page's address opens the bench to whoever has it. A terminal shows it to its user alone; a file or a
+// journal is told where the token is.
+std::string page_address(const std::string& address, const std::string& token, const fs::path& token_file) {
+  if (isatty(STDOUT_FILENO) != 0) return address + "/?token=" + token;
+  return address + "/?token=TOKEN (TOKEN is the text of " + token_file.string() + ")";
 }
 
 // systemd, where it started the daemon, is told that it lives as long as engine and door answer. Elsewhere
@@ -59,12 +59,14 @@ int serve(const ServeOptions& o, const Common& common) {
   server::Engine engine(common.data_folder(), hub);
   server::Dispatcher rpc;
   add_all_methods(rpc, engine);
-  server::put_right(engine.store().recordings().string(), [](bool failed, const std::string& text) {
-    if (failed)
-      std::cerr << "ferrobench: " << text << std::endl;
-    else
-      std::cout << text << std::endl;
-  });
+  server::put_right(engine.store().folder().string(),
+                    [&engine](bool failed, const std::string& text, const std::string& unit) {
+                      if (failed)
+                        std::cerr << "ferrobench: " << text << std::endl;
+                      else
+                        std::cout << text << std::endl;
+                      if (!unit.empty()) engine.hazards().add(unit, text);
+                    });
 
   auto options = o.net;
   options.unix_socket = common.socket_path();
@@ -91,20 +93,23 @@ int serve(const ServeOptions& o, const Common& common) {
       .metrics = [&audit, &metrics](const server::Load& load) { return metrics.text(load, audit.lost()); }};
   server::Server door(rpc, hub, options, std::move(content));
 
-  const auto address = (options.tls_certificate.empty() ? "http://" : "https://") + options.address + ":" +
-                       std::to_string(door.port());
+  const auto address = options.origin(door.port());
   std::cout << "ferrobench is listening\n"
-            << "  page      " << address << "/?token=" << (writes_to_journal() ? "TOKEN" : options.token)
-            << '\n'
+            << "  page      " << page_address(address, options.token, token_file) << '\n'
             << "  JSON-RPC  " << address << "/rpc (token in " << token_file.string() << ")\n"
             << "  socket    " << options.unix_socket << '\n'
             << "  metrics   " << address << "/metrics (with the token, for Prometheus)\n"
             << "  data      " << engine.store().folder().string() << '\n'
             << "  audit     " << audit_folder.string() << '\n'
-            << "Ctrl-C stops it; a run under way is stopped safely first." << std::endl;
+            << "Ctrl-C stops it; a run under way is stopped safely first, faster with a second Ctrl-C."
+            << std::endl;
   wait_for_interrupt(engine, door);
   std::cout << "stopping" << std::endl;
-  engine.stop();
+  auto stopped = std::async(std::launch::async, [&engine] { engine.stop(); });
+  for (int told = Interrupt::count();
+       stopped.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready;)
+    if (std::exchange(told, Interrupt::count()) != Interrupt::count()) engine.hasten();
+  stopped.get();
   door.stop();
   return exit_ok;
 }
@@ -114,7 +119,9 @@ int serve(const ServeOptions& o, const Common& common) {
 void add_serve(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("serve", "Start the daemon: JSON-RPC, the page, and one bench");
   auto o = std::make_shared<ServeOptions>();
-  sub->add_option("--port", o->net.port, "TCP port; 0: any free one")->capture_default_str();
+  sub->add_option("--port", o->net.port, "TCP port; 0: any free one")
+      ->check(number_from(0, 65535))
+      ->capture_default_str();
   sub->add_option("--address", o->net.address, "numeric address to listen at")->capture_default_str();
   sub->add_option("--tls-certificate", o->net.tls_certificate,
                   "PEM file of the daemon's certificate; needed beyond loopback")

@@ -4,9 +4,11 @@
 #include <filesystem>
 #include <set>
 
+#include "daq/not_at_zero.h"
 #include "daq/registry.h"
 #include "protocols/common/fields.h"
 #include "recordings/file.h"
+#include "recordings/new_file.h"
 #include "recordings/recover.h"
 
 namespace ferrobench::server {
@@ -14,7 +16,6 @@ namespace ferrobench::server {
 namespace {
 
 using nlohmann::json;
-using Tell = std::function<void(bool, const std::string&)>;
 
 // The device's configuration, if its output stays where it is when the program dies; else null.
 json configuration_of(const json& device) {
@@ -43,15 +44,16 @@ void bring_to_zero(const std::vector<std::string>& broken, const Tell& tell) {
     if (configuration.is_null()) continue;
     const auto driver = device["driver"].get<std::string>();
     if (!seen.emplace(driver, configuration).second) continue;
-    const auto what = driver + " unit " + text_at(device, "serial_number") + ", which run " +
-                      std::filesystem::path(path).stem().string() + " had";
+    const auto unit = text_at(device, "serial_number");
+    const auto what =
+        driver + " unit " + unit + ", which run " + std::filesystem::path(path).stem().string() + " had";
     try {
       // Opening a device brings its output to zero.
       const auto opened = daq::open_device(driver, configuration);
       if (opened->output() != 0) throw Error(ErrorCode::device_lost, "it does not obey");
-      tell(false, "output at zero: " + what);
+      tell(false, "output at zero: " + what, "");
     } catch (const std::exception& failure) {
-      tell(true, "the output may not be at zero, switch the amplifier off: " + what + ": " + failure.what());
+      tell(true, daq::not_at_zero(what + ": " + failure.what()), unit);
     }
   }
 }
@@ -59,18 +61,21 @@ void bring_to_zero(const std::vector<std::string>& broken, const Tell& tell) {
 }  // namespace
 
 void put_right(const std::string& folder, const Tell& tell) {
+  recordings::remove_leftovers(folder);
   const auto broken = recordings::find_broken(folder);
   bring_to_zero(broken, tell);
   for (const auto& path : broken) {
     const auto name = std::filesystem::path(path).filename().string();
     try {
       const auto done = recordings::recover_recording(path);
-      tell(false, std::string(recovered_name(done.outcome)) + " " + name + ": " + done.message);
+      tell(false, std::string(recovered_name(done.outcome)) + " " + name + ": " + done.message, "");
     } catch (const Error& error) {
-      tell(true, name +
-                     " cannot be recovered, see 'ferrobench recover'; if its run had hardware, see that its "
-                     "output is at zero: " +
-                     error.what());
+      tell(true,
+           name +
+               " cannot be recovered, see 'ferrobench recover'; if its run had hardware, see that its "
+               "output is at zero: " +
+               error.what(),
+           "");
     }
   }
 }

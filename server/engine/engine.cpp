@@ -3,7 +3,6 @@
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
 
-#include "daq/registry.h"
 #include "daq/replay/tape.h"
 #include "recordings/iso_time.h"
 #include "server/engine/live.h"
@@ -13,6 +12,16 @@ namespace ferrobench::server {
 namespace {
 
 constexpr std::size_t most_runs = 1000;  // remembered, with their idempotency keys
+
+// Does it however the scope is left.
+template <class F>
+struct AtEnd {
+  F act;
+  explicit AtEnd(F f) : act(std::move(f)) {}
+  ~AtEnd() { act(); }
+  AtEnd(const AtEnd&) = delete;
+  AtEnd& operator=(const AtEnd&) = delete;
+};
 
 Error no_such(const std::string& what, const std::string& given, const nlohmann::json& allowed) {
   return {ErrorCode::not_found, "there is no such " + what,
@@ -25,8 +34,8 @@ Error no_such(const std::string& what, const std::string& given, const nlohmann:
 
 }  // namespace
 
-Engine::Engine(const std::filesystem::path& data_folder, Hub& hub)
-    : hub_(hub), store_(data_folder), jobs_(hub) {
+Engine::Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener)
+    : hub_(hub), store_(data_folder), opener_(std::move(opener)), jobs_(hub) {
   hub.add_topic({.name = "run",
                  .doc = "status of the run: at each change of state, and five times a second",
                  .schema = json_schema<RunStatus>()});
@@ -48,14 +57,15 @@ Engine::Engine(const std::filesystem::path& data_folder, Hub& hub)
 void Engine::stop() {
   std::shared_ptr<Run> run;
   {
-    std::unique_lock lock(mutex_);
+    Lock lock(mutex_);
     stopped_ = true;
     test_stop_ = "the bench shuts down";
-    test_over_.wait(lock, [this] { return tested_.empty(); });
+    if (preparing_ && preparing_->status.reason.empty()) preparing_->status.reason = "the bench shuts down";
+    changed_.wait(lock, [this] { return tested_.empty() && !preparing_; });
     run = run_;
   }
   if (!run) return;
-  run->abort("the bench shuts down");
+  run->stop("the bench shuts down");
   run->wait();
 }
 
@@ -63,54 +73,87 @@ double Engine::uptime() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
 }
 
+// The run that this was asked for before, once it is known whether that one came to be.
+std::optional<RunStatus> Engine::repeated(const Asked& asked, Lock& lock) {
+  if (asked.key.empty()) return std::nullopt;
+  changed_.wait(lock, [&] { return !preparing_ || preparing_->asked.key != asked.key; });
+  const auto repeats = [&asked](const Asked& before) {
+    if (before.key != asked.key) return false;
+    if (before.request == asked.request) return true;
+    throw Error(ErrorCode::invalid_params, "this idempotency key belongs to another request",
+                Problem{.path = "/idempotency_key",
+                        .message = "was used for a different run",
+                        .given = excerpt(asked.key),
+                        .hint = "choose a new key for a new run"});
+  };
+  if (run_ && repeats(asked_)) return run_->status();
+  for (const auto& [status, before] : past_)
+    if (repeats(before)) return status;
+  return std::nullopt;
+}
+
 RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   Asked asked{.key = request.idempotency_key};
   if (!asked.key.empty()) asked.request = write_json(request);
-  const std::unique_lock lock(mutex_);
-  if (!asked.key.empty()) {
-    const auto repeats = [&asked](const Asked& before) {
-      if (before.key != asked.key) return false;
-      if (before.request == asked.request) return true;
-      throw Error(ErrorCode::invalid_params, "this idempotency key belongs to another request",
-                  Problem{.path = "/idempotency_key",
-                          .message = "was used for a different run",
-                          .given = excerpt(asked.key),
-                          .hint = "choose a new key for a new run"});
-    };
-    if (run_ && repeats(asked_)) return run_->status();
-    for (const auto& [status, before] : past_)
-      if (repeats(before)) return status;
+  RunSetup setup{.id = to_string(boost::uuids::random_generator()()), .device_name = request.device};
+  std::shared_ptr<Run> before;
+  std::shared_ptr<daq::Device> open;
+  {
+    Lock lock(mutex_);
+    if (auto run = repeated(asked, lock)) return *run;
+    demand_rest("no other starts");
+    lease_.forget_lost();
+    preparing_ = {.status = {.run = setup.id,
+                             .state = RunState::arming,
+                             .protocol = request.protocol.is_string() ? request.protocol.get<std::string>()
+                                                                      : text_at(request.protocol, "name"),
+                             .device = request.device,
+                             .started = recordings::iso_now(),
+                             .output_at_zero = false},
+                  .asked = std::move(asked)};
+    setup.limits = limits_;
+    before = run_;
+    if (const auto at = devices_.find(request.device); at != devices_.end()) {
+      changed_.wait(lock, [&] { return !at->second.used; });
+      open = at->second.device;
+    }
   }
-  demand_rest("no other starts");
-  auto setup = make_setup(request);
-  setup.path = path.empty() ? store_.new_recording(setup.plan.name).string() : path;
-  if (run_) {
-    run_->wait();  // its threads are done with the device, whoever still holds the run
-    past_.emplace_front(run_->status(), std::move(asked_));
-  }
+  const AtEnd failed([this, id = setup.id] {
+    const std::scoped_lock lock(mutex_);
+    if (!preparing_ || preparing_->status.run != id) return;  // it went well
+    preparing_.reset();
+    changed_.notify_all();
+  });
+  if (before) before->wait();  // its threads are done with the device, whoever still holds the run
+  setup = make_setup(request, std::move(setup), std::move(open));
+  setup.existing = request.existing;
+  if (path.empty())
+    setup.next_path = [this, name = setup.plan.name] { return store_.new_recording(name).string(); };
+  setup.path = path.empty() ? setup.next_path() : path;
+  auto run = std::make_shared<Run>(std::move(setup), hub_);
+
+  const std::scoped_lock lock(mutex_);
+  if (run_) past_.emplace_front(run_->status(), std::move(asked_));
   if (past_.size() > most_runs) {
     forgotten_.add(past_.back().first);
     past_.pop_back();
   }
-  run_.reset();
-  lease_.forget_lost();
-  run_ = std::make_shared<Run>(std::move(setup), hub_);
-  asked_ = std::move(asked);
+  run_ = std::move(run);
+  asked_ = std::move(preparing_->asked);
+  run_->begin(preparing_->status.reason);
+  preparing_.reset();
+  changed_.notify_all();
   return run_->status();
 }
 
-// `mutex_` is held.
-RunSetup Engine::make_setup(const RunRequest& request) const {
-  RunSetup setup;
-  setup.id = to_string(boost::uuids::random_generator()());
-  setup.device_name = request.device;
-  setup.limits = limits_;
+RunSetup Engine::make_setup(const RunRequest& request, RunSetup setup,
+                            std::shared_ptr<daq::Device> open) const {
   setup.notes = request.notes;
   setup.rerun_of = request.rerun_of;
   setup.stop_wanted = [this] { return lease_.lost(); };
   const auto name = replayed(request.device);
-  if (const auto open = devices_.find(request.device); open != devices_.end()) {
-    setup.device = open->second;
+  if (open) {
+    setup.device = std::move(open);
     const auto* tape = setup.device->tape();
     setup.plan =
         tape != nullptr ? make_replay_plan(request, *tape) : make_plan(request, store_, setup.device.get());
@@ -118,11 +161,11 @@ RunSetup Engine::make_setup(const RunRequest& request) const {
     const auto file =
         request.replay_file.empty() ? store_.recording(name.value_or("")).string() : request.replay_file;
     setup.plan = make_replay_plan(request, file);
-    setup.device = daq::open_device("replay", setup.plan.device_config);
+    setup.device = opener_("replay", setup.plan.device_config);
     complete_replay_plan(setup.plan, *setup.device->tape());
   } else {
     setup.plan = make_plan(request, store_);
-    setup.device = daq::open_device(request.device, setup.plan.device_config);
+    setup.device = opened(request.device, setup.plan.device_config);
   }
   // A replay can wait for the disk, whatever its clock.
   setup.real_time = setup.device->tape() == nullptr && setup.device->info().value("clock", "real") != "fast";
@@ -159,18 +202,43 @@ std::vector<RunStatus> Engine::runs() const {
 }
 
 RunStatus Engine::status(const std::string& id) const {
+  if (id.empty()) {
+    auto out = latest();
+    if (const auto text = hazards_.text(); !text.empty()) {
+      out.output_at_zero = false;
+      out.warning += (out.warning.empty() ? "" : "; ") + text;
+    }
+    return out;
+  }
   const std::scoped_lock lock(mutex_);
-  if (run_ && (id.empty() || run_->id() == id)) return run_->status();
+  if (preparing_ && preparing_->status.run == id) return preparing_->status;
+  if (run_ && run_->id() == id) return run_->status();
   for (const auto& [status, asked] : past_)
-    if (id.empty() || status.run == id) return status;
-  if (id.empty()) return {};
+    if (status.run == id) return status;
   throw no_such("run", id, nullptr);
+}
+
+RunStatus Engine::latest() const {
+  const std::scoped_lock lock(mutex_);
+  if (preparing_) return preparing_->status;
+  if (run_) return run_->status();
+  return past_.empty() ? RunStatus{} : past_.front().first;
+}
+
+// Opening a device brings its output to zero.
+std::unique_ptr<daq::Device> Engine::opened(const std::string& kind, const nlohmann::json& config) const {
+  auto device = opener_(kind, config);
+  hazards_.resolve(text_at(device->info(), "serial_number"));
+  return device;
 }
 
 // The run under way or just over, by its id or as the latest.
 std::shared_ptr<Run> Engine::current(const std::string& id) const {
   {
     const std::scoped_lock lock(mutex_);
+    if (preparing_ && (id.empty() || preparing_->status.run == id))
+      throw Error(ErrorCode::bad_state, "this run is still being prepared",
+                  Problem{.path = "/run", .given = excerpt(id), .hint = "run.abort stops it already"});
     if (run_ && (id.empty() || run_->id() == id)) return run_;
   }
   const auto known = status(id);
@@ -192,11 +260,15 @@ void Engine::resume(const std::string& id) {
   current(id)->resume();
 }
 
-void Engine::abort(const std::string& id, const std::string& reason) {
-  if (id.empty()) {
+void Engine::abort(const std::string& id, const std::string& reason, bool again) {
+  {
     const std::scoped_lock lock(mutex_);
-    if (!tested_.empty()) {
+    if (id.empty() && !tested_.empty()) {
       test_stop_ = reason;
+      return;
+    }
+    if (preparing_ && (id.empty() || preparing_->status.run == id)) {
+      if (preparing_->status.reason.empty()) preparing_->status.reason = reason;
       return;
     }
   }
@@ -204,7 +276,16 @@ void Engine::abort(const std::string& id, const std::string& reason) {
   if (run->over())
     throw Error(ErrorCode::bad_state, "this run is over",
                 Problem{.path = "/run", .message = "is not under way", .given = excerpt(id)});
-  run->abort(reason);
+  run->abort(reason, again);
+}
+
+void Engine::hasten() {
+  std::shared_ptr<Run> run;
+  {
+    const std::scoped_lock lock(mutex_);
+    run = run_;
+  }
+  if (run && !run->over()) run->hasten();
 }
 
 bool Engine::is_being_written(const std::filesystem::path& path) const {
@@ -219,6 +300,9 @@ daq::Limits Engine::limits() const {
 
 void Engine::demand_rest(const std::string& what) const {
   if (stopped_) throw Error(ErrorCode::bad_state, "the bench shuts down");
+  if (preparing_)
+    throw Error(ErrorCode::busy, what + " while a run is being prepared",
+                Problem{.given = preparing_->status.run, .hint = "wait for its end, or run.abort it"});
   if (run_ && !run_->over())
     throw Error(ErrorCode::busy, what + " while a run is under way",
                 Problem{.given = run_->id(), .hint = "wait for its end, or run.abort it"});
@@ -228,19 +312,31 @@ void Engine::demand_rest(const std::string& what) const {
 }
 
 void Engine::demand_free(const std::string& device, const std::string& what) const {
-  if (tested_ == device || (run_ && !run_->over() && run_->status().device == device)) demand_rest(what);
+  if (tested_ == device || (preparing_ && preparing_->status.device == device) ||
+      (run_ && !run_->over() && run_->status().device == device))
+    demand_rest(what);
 }
 
-void Engine::set_limits(const nlohmann::json& named) {
+void Engine::set_limits(const nlohmann::json& named, const std::string& reason) {
   {
     const std::scoped_lock lock(mutex_);
     demand_rest("limits cannot change");
     auto all = write_json(limits_);
     all.update(named);
-    limits_ = daq::limits_from_json(all);
+    const auto limits = daq::limits_from_json(all);
+    if (limits.stop_time > daq::usual_stop_time && limits.stop_time != limits_.stop_time && reason.empty())
+      throw Error(ErrorCode::invalid_params, "a stop that takes longer than usual wants a reason",
+                  Problem{.path = "/reason",
+                          .message = "is missing",
+                          .given = limits.stop_time,
+                          .allowed = {{"to", daq::usual_stop_time}},
+                          .unit = "s",
+                          .hint = "say what keeps the amplifier from going faster, or lower stop_time"});
+    limits_ = limits;
   }
-  hub_.publish("events",
-               {{"time", recordings::iso_now()}, {"kind", "limits"}, {"message", "the limits were changed"}});
+  hub_.publish("events", {{"time", recordings::iso_now()},
+                          {"kind", "limits"},
+                          {"message", "the limits were changed" + (reason.empty() ? "" : ": " + reason)}});
 }
 
 std::string Engine::open_device(const std::string& kind, const nlohmann::json& config) {
@@ -251,28 +347,37 @@ std::string Engine::open_device(const std::string& kind, const nlohmann::json& c
   // Recordings of the bench by their names: no client reads a file by its path.
   if (kind == "replay" && full.is_object() && full.contains("file") && full["file"].is_string())
     full["file"] = store_.recording(full["file"].get<std::string>()).string();
-  auto device = daq::open_device(kind, full);
+  std::shared_ptr<daq::Device> device = opened(kind, full);  // closed without the lock where it is refused
   const std::scoped_lock lock(mutex_);
   if (devices_.size() >= most_open)
     throw Error(ErrorCode::busy, "too many devices are open",
                 Problem{.given = devices_.size(), .allowed = most_open, .hint = "device.close one"});
   auto id = kind + "-" + std::to_string(++last_device_);
-  devices_[id] = std::move(device);
+  devices_[id].device = std::move(device);
   return id;
 }
 
-std::shared_ptr<daq::Device> Engine::find_device(const std::string& id) const {
+Engine::Open& Engine::find_device(const std::string& id) {
   if (const auto found = devices_.find(id); found != devices_.end()) return found->second;
   auto names = nlohmann::json::array();
   for (const auto& [name, device] : devices_) names.push_back(name);
   throw no_such("device", id, names);
 }
 
+Engine::Open& Engine::free_device(const std::string& id, const std::string& what, Lock& lock) {
+  for (;; changed_.wait(lock)) {
+    auto& device = find_device(id);
+    demand_free(id, what);
+    if (!device.used) return device;
+  }
+}
+
 void Engine::close_device(const std::string& id) {
-  const std::scoped_lock lock(mutex_);
-  find_device(id);
-  demand_free(id, "the device cannot be closed");
+  std::shared_ptr<daq::Device> closed;  // without the lock
+  Lock lock(mutex_);
+  closed = std::move(free_device(id, "the device cannot be closed", lock).device);
   devices_.erase(id);
+  lock.unlock();
 }
 
 std::vector<std::string> Engine::open_devices() const {
@@ -283,29 +388,36 @@ std::vector<std::string> Engine::open_devices() const {
 }
 
 void Engine::with_device(const std::string& id, const std::function<void(daq::Device&)>& use) {
-  const std::scoped_lock lock(mutex_);
-  const auto device = find_device(id);
-  demand_free(id, "the device is taken");
-  use(*device);
+  Lock lock(mutex_);
+  auto& open = free_device(id, "the device is taken", lock);  // stays where it is while it is used
+  open.used = true;
+  lock.unlock();
+  const AtEnd over([&] {
+    const std::scoped_lock again(mutex_);
+    open.used = false;
+    changed_.notify_all();
+  });
+  use(*open.device);
 }
 
-daq::SelftestReport Engine::selftest(const std::string& id) {
+daq::SelftestReport Engine::selftest(const std::string& id, double rate) {
   std::shared_ptr<daq::Device> device;
   {
-    const std::scoped_lock lock(mutex_);
-    device = find_device(id);
+    Lock lock(mutex_);
+    find_device(id);
+    demand_rest("no self-test starts");
+    device = free_device(id, "no self-test starts", lock).device;
     demand_rest("no self-test starts");
     tested_ = id;
     test_stop_ = "";
     lease_.forget_lost();
   }
-  // Whatever happens, the bench is free again after it.
-  const std::unique_ptr<Engine, void (*)(Engine*)> over(this, [](Engine* engine) {
-    const std::scoped_lock lock(engine->mutex_);
-    engine->tested_ = "";
-    engine->test_over_.notify_all();
+  const AtEnd over([this] {
+    const std::scoped_lock lock(mutex_);
+    tested_ = "";
+    changed_.notify_all();
   });
-  return daq::selftest(*device, [this] {
+  return daq::selftest(*device, rate, [this] {
     const std::scoped_lock lock(mutex_);
     return test_stop_.empty() ? lease_.lost() : test_stop_;
   });

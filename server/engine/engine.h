@@ -1,9 +1,14 @@
 // The bench as a whole: its store, devices, limits, the one run under way and those before it.
 // Everything here is safe to call from any thread.
+//
+// Its lock is held for no longer than it takes to look something up: a device that opens, closes or answers,
+// a recording that is read and a file that is made keep neither status() nor abort() waiting. A run that is
+// being prepared has the bench for itself; a stop that comes by then reaches the run before it moves.
 #pragma once
 
 #include <condition_variable>
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -11,7 +16,9 @@
 #include <string>
 #include <vector>
 
+#include "daq/registry.h"
 #include "daq/selftest.h"
+#include "server/engine/hazards.h"
 #include "server/engine/jobs.h"
 #include "server/engine/lease.h"
 #include "server/engine/run.h"
@@ -26,18 +33,22 @@ struct RunTotals {
   void add(const RunStatus& run);
 };
 
+using DeviceOpener =
+    std::function<std::unique_ptr<daq::Device>(const std::string& kind, const nlohmann::json&)>;
+
 class Engine {
  public:
   // Adds the topics run, samples, events and job to the hub, which outlives the engine.
-  Engine(const std::filesystem::path& data_folder, Hub& hub);
+  Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener = daq::open_device);
   ~Engine() { stop(); }
   // Ends what is under way safely and returns when the output is at zero. Nothing starts after.
   void stop();
 
   // One run or self-test goes on at a time: Error(busy). A request whose idempotency key was seen before
   // starts nothing and returns that run. `path`: where the recording goes, "" for a new one in the store.
+  // While it is prepared the run is arming; if it is stopped then, it is aborted and its output never moves.
   RunStatus start(const RunRequest& request, const std::string& path = "");
-  // `id` "": the latest; state idle if there was none. Error(not_found).
+  // `id` "": the latest; state idle if there was none; with what the bench warns of. Error(not_found).
   RunStatus status(const std::string& id = "") const;
   std::vector<RunStatus> runs() const;  // newest first
   RunTotals totals() const;
@@ -45,13 +56,16 @@ class Engine {
   RunStatus wait(const std::string& id);
   void pause(const std::string& id);
   void resume(const std::string& id);
-  void abort(const std::string& id, const std::string& reason);  // `id` "": a self-test too
+  // `id` "": a self-test too. A second one hastens the stop, unless it is the same one `again`.
+  void abort(const std::string& id, const std::string& reason, bool again = false);
+  void hasten();  // the stop under way, if there is one
   // Whether the run under way writes this recording.
   bool is_being_written(const std::filesystem::path& path) const;
 
   daq::Limits limits() const;
-  // {"field_max": 1e6}: changes what it names. Error(invalid_params), Error(busy) during a run.
-  void set_limits(const nlohmann::json& named);
+  // {"field_max": 1e6}: changes what it names. Error(invalid_params), Error(busy) during a run. `reason` may
+  // be "" unless a stop may take longer than usual.
+  void set_limits(const nlohmann::json& named, const std::string& reason = "");
 
   // A device that stays open keeps the state of its specimen from run to run.
   std::string open_device(const std::string& kind, const nlohmann::json& config);
@@ -61,37 +75,57 @@ class Engine {
   void with_device(const std::string& id, const std::function<void(daq::Device&)>& use);
   // The bench waits for nothing meanwhile. Stopped like a run, with Error(cancelled); errors as
   // daq::selftest.
-  daq::SelftestReport selftest(const std::string& id);
+  daq::SelftestReport selftest(const std::string& id, double rate = daq::selftest_rate);
 
   const Store& store() const { return store_; }
   Jobs& jobs() { return jobs_; }
   Lease& lease() { return lease_; }
+  Hazards& hazards() { return hazards_; }
   Hub& hub() { return hub_; }
   double uptime() const;  // s
 
  private:
-  RunSetup make_setup(const RunRequest& request) const;
+  struct Asked {
+    std::string key{};         // "": none
+    nlohmann::json request{};  // where there is a key
+  };
+  struct Preparing {
+    RunStatus status{};  // its reason: why it was stopped already
+    Asked asked{};
+  };
+  // A device that is open, for one user at a time.
+  struct Open {
+    std::shared_ptr<daq::Device> device{};
+    bool used = false;
+  };
+  using Lock = std::unique_lock<std::mutex>;
+
+  std::optional<RunStatus> repeated(const Asked& asked, Lock& lock);
+  RunSetup make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<daq::Device> open) const;
+  RunStatus latest() const;
+  std::unique_ptr<daq::Device> opened(const std::string& kind, const nlohmann::json& config) const;
   std::shared_ptr<Run> current(const std::string& id) const;
-  std::shared_ptr<daq::Device> find_device(const std::string& id) const;
+  Open& find_device(const std::string& id);
+  // Waits until nobody uses it. Error(busy) as soon as a run or a test has it.
+  Open& free_device(const std::string& id, const std::string& what, Lock& lock);
   void demand_rest(const std::string& what) const;
   void demand_free(const std::string& device, const std::string& what) const;
 
   Hub& hub_;
   Store store_;
   Lease lease_;
+  mutable Hazards hazards_;
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 
+  DeviceOpener opener_;
   mutable std::mutex mutex_;
+  std::condition_variable changed_;  // a device, the self-test or the run being prepared
   daq::Limits limits_;
-  std::map<std::string, std::shared_ptr<daq::Device>> devices_;
+  std::map<std::string, Open> devices_;
   std::string tested_;     // device that a self-test has, "": none
   std::string test_stop_;  // why that must end, "": it need not
-  std::condition_variable test_over_;
+  std::optional<Preparing> preparing_;
   std::shared_ptr<Run> run_;
-  struct Asked {
-    std::string key{};         // "": none
-    nlohmann::json request{};  // where there is a key
-  };
   Asked asked_;                                   // for run_
   std::deque<std::pair<RunStatus, Asked>> past_;  // newest first
   RunTotals forgotten_;                           // runs that past_ has no more room for

@@ -41,7 +41,7 @@ std::unique_ptr<model::FitTarget> target_of(const FitRequest& request,
                 Problem{.path = "/tables",
                         .message = recordings.empty() ? "is missing, and so are recordings"
                                                       : "cannot be fitted together with recordings",
-                        .hint = "for example --table 3.13, or the file of a recording"});
+                        .hint = "for example the table 3.13, or a recording"});
   return recordings.empty() ? model::table_target(request.tables, numbers_of(request.set))
                             : model::recording_target(std::move(recordings));
 }
@@ -50,7 +50,8 @@ std::unique_ptr<model::FitTarget> target_of(const FitRequest& request,
 
 json fit_model(const FitRequest& request, const model::Model& start,
                std::vector<recordings::Recording> recordings,
-               const std::function<bool(const model::FitProgress&)>& progress) {
+               const std::function<bool(const model::FitProgress&)>& progress,
+               const std::function<bool()>& stop) {
   if (request.calibrate) return calibrated(start, recordings);
   const auto target = target_of(request, std::move(recordings));
   model::FitOptions options;
@@ -58,10 +59,15 @@ json fit_model(const FitRequest& request, const model::Model& start,
   options.iterations = static_cast<int>(request.iterations);
   options.seed = static_cast<std::uint64_t>(request.seed);
   options.progress = progress;
+  if (stop) options.simulation.stop = &stop;
   for (const auto& path : request.free) options.free.push_back(model::free_parameter(start, path));
   if (options.free.empty()) options.free = model::default_free_parameters(start);
 
   const auto result = model::fit(start, *target, options);
+  // What was stopped is not simulated again to say how well it did.
+  const auto summary = [&](const model::Model& m) {
+    return result.stopped ? json::object() : summary_of(*target, m, options.simulation);
+  };
   json parameters = json::array();
   for (const auto& p : result.parameters)
     parameters.push_back({{"path", p.free.path},
@@ -73,12 +79,13 @@ json fit_model(const FitRequest& request, const model::Model& start,
                           {"at_bound", p.at_bound}});
   return {{"model", model::to_json(result.model)},
           {"parameters", std::move(parameters)},
-          {"before", summary_of(*target, start, options.simulation)},
-          {"after", summary_of(*target, result.model, options.simulation)},
+          {"before", summary(start)},
+          {"after", summary(result.model)},
           {"cost_before", result.cost_before},
           {"cost_after", result.cost_after},
           {"simulations", result.simulations},
-          {"stopped", result.stopped}};
+          {"stopped", result.stopped},
+          {"unused", target->unused()}};
 }
 
 }  // namespace ferrobench::server

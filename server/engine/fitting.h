@@ -31,10 +31,12 @@ void describe(Visitor& visit, FitRequest& r) {
 }
 
 // {model, parameters: [{path, from, to, std, low, high, at_bound}], before, after: {name: rms}, cost_before,
-// cost_after, simulations, stopped}; a calibration gives {model} alone. `progress` returns false to end with
-// the best so far. Throws Error(invalid_params) if there is nothing to fit to, or both.
+// cost_after, simulations, stopped, unused: [sentence]}; a calibration gives {model} alone. `progress`
+// returns false, between simulations, and `stop` true, in their middle, to end with the best so far: then
+// there is no before and after. Throws Error(invalid_params) if there is nothing to fit to, or both.
 nlohmann::json fit_model(const FitRequest& request, const model::Model& start,
                          std::vector<recordings::Recording> recordings,
-                         const std::function<bool(const model::FitProgress&)>& progress);
+                         const std::function<bool(const model::FitProgress&)>& progress,
+                         const std::function<bool()>& stop = {});
 
 }  // namespace ferrobench::server

@@ -60,8 +60,9 @@ std::string Jobs::start(const std::string& kind, Work work) {
     return entry.second->handle.status_.state == JobState::running;
   });
   if (static_cast<std::size_t>(running) >= most_running)
-    throw Error(ErrorCode::busy, "as many jobs as there is room for are under way",
-                Problem{.given = running, .allowed = most_running, .hint = "wait for one, or job.cancel it"});
+    throw Error(
+        ErrorCode::busy, "as many jobs as there is room for are under way",
+        Problem{.given = running, .allowed = most_running, .hint = "wait for one, or stop it: job.cancel"});
   forget_old();
   auto job = std::make_shared<Job>();
   auto& handle = job->handle;
@@ -81,6 +82,7 @@ std::string Jobs::start(const std::string& kind, Work work) {
     nlohmann::json result, error;
     try {
       result = work(handle);
+      if (handle.stopped_) state = JobState::cancelled;
     } catch (const Error& failure) {
       state = failure.code() == ErrorCode::cancelled ? JobState::cancelled : JobState::failed;
       error = failure.data();
@@ -129,7 +131,7 @@ JobStatus Jobs::status(const std::string& id) const {
   const auto job = find(id);
   if (!job)
     throw Error(ErrorCode::not_found, "there is no such job",
-                Problem{.path = "/job", .given = excerpt(id), .hint = "job.status without an id names them"});
+                Problem{.path = "/job", .given = excerpt(id), .hint = "job.list names them"});
   const std::scoped_lock lock(job->handle.mutex_);
   return job->handle.status_;
 }

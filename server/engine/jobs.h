@@ -31,13 +31,13 @@ struct JobStatus {
 template <class Visitor>
 void describe(Visitor& visit, JobStatus& s) {
   visit("job", s.job, {.required = true});
-  visit("kind", s.kind, {.doc = "run, simulate, fit, discover"});
+  visit("kind", s.kind, {.doc = "run, simulate, fit, discover or table"});
   visit("state", s.state, {.required = true});
   visit("progress", s.progress, {.min = 0, .max = 1});
   visit("stage", s.stage, {.doc = "what it is at"});
   visit("time_left_s", s.time_left, {.unit = "s", .doc = "estimated, while it runs"});
   visit("estimated_end", s.estimated_end, {.doc = "ISO 8601, while it runs and can be estimated"});
-  visit("result", s.result, {.doc = "null until complete"});
+  visit("result", s.result, {.doc = "null until it is over; of a fit that was cancelled, the best so far"});
   visit("error", s.error, {.doc = "{name, message, problems} if it failed"});
 }
 
@@ -52,6 +52,8 @@ class Jobs {
     void say(double progress, const std::string& stage);
     bool cancelled() const { return cancelled_; }
     void check() const;  // throws Error(cancelled)
+    // What the work returns is what it had when it was cancelled.
+    void stopped() { stopped_ = true; }
 
    private:
     friend class Jobs;
@@ -59,6 +61,7 @@ class Jobs {
     JobStatus status_;
     std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled_{false};
+    bool stopped_ = false;
     std::function<void()> changed_;
   };
   using Work = std::function<nlohmann::json(Handle&)>;

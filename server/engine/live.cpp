@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "server/rpc/schemas.h"
+
 namespace ferrobench::server {
 
 using nlohmann::json;
@@ -38,15 +40,7 @@ void append(json& to, const json& from) {
 Topic samples_topic() {
   return {.name = "samples",
           .doc = "smallest and largest value of each channel over stretches of rows, while a run goes on",
-          .schema =
-              {{"type", "object"},
-               {"properties",
-                {{"run", {{"type", "string"}}},
-                 {"columns",
-                  {{"type", "object"},
-                   {"description",
-                    "time [s] of each stretch's first row; command, field [V/m], charge [C], "
-                    "displacement [m], force [N] as {first, min, max}, null where nothing was measured"}}}}}},
+          .schema = schema::object({{"run", schema::text()}, {"columns", schema::stretches()}}),
           .merge = merge_samples};
 }
 

@@ -59,7 +59,7 @@ class Reader {
       throw Error(ErrorCode::invalid_params, "settings are values by key",
                   Problem{.path = "/set", .message = "is not an object", .given = set});
     for (const auto& [key, value] : set.items())
-      if (!take(key, value)) problems_.push_back(unknown(key, value));
+      if (!take(key, value) && problems_.size() < max_problems) problems_.push_back(unknown(key, value));
     if (!problems_.empty())
       throw Error(ErrorCode::invalid_params, "a setting is not known", std::move(problems_));
     return std::move(settings_);
@@ -143,8 +143,7 @@ void demand_own_program(const RunRequest& request) {
   throw Error(ErrorCode::invalid_params, "a replay has a program and a model of its own",
               Problem{.path = request.protocol.is_null() ? "/model" : "/protocol",
                       .message = "cannot be chosen for a replay",
-                      .hint = "leave it out; 'ferrobench replay --model' plays the recorded field through a "
-                              "model, beside the measurement"});
+                      .hint = "leave it out; model.simulate plays a recording's program through a model"});
 }
 
 }  // namespace

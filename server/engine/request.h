@@ -9,6 +9,7 @@
 #include "daq/device.h"
 #include "protocols/common/fields.h"
 #include "protocols/protocol.h"
+#include "recordings/new_file.h"
 #include "server/engine/store.h"
 
 namespace ferrobench::server {
@@ -24,9 +25,10 @@ struct RunRequest {
   std::string notes{};
   std::string rerun_of{};
   std::string idempotency_key{};
-  // The file of a replay; "": the store's recording that the device names. For the command line alone: no
-  // method takes a path.
+  // For the command line alone, as no method takes a path: the file of a replay; "": the store's recording
+  // that the device names. What becomes of a file that is where the recording is to go.
   std::string replay_file{};
+  recordings::Existing existing = recordings::Existing::keep;
 };
 template <class Visitor>
 void describe(Visitor& visit, RunRequest& r) {

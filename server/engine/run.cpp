@@ -1,7 +1,6 @@
 #include "server/engine/run.h"
 
 #include <array>
-#include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
@@ -10,6 +9,7 @@
 #include "daq/guard/check.h"
 #include "daq/replay/tape.h"
 #include "model/model.h"
+#include "protocols/common/visible.h"
 #include "recordings/iso_time.h"
 #include "server/engine/sink.h"
 
@@ -131,20 +131,29 @@ Run::Run(RunSetup setup, Hub& hub)
       program_(program_of(setup_)),
       begin_(std::chrono::steady_clock::now()) {
   if (auto found = daq::check(program_, guard_->limits()); !found.empty())
-    throw Error(ErrorCode::limit_exceeded, "the program would pass a limit", std::move(found));
+    throw Error(ErrorCode::limit_exceeded, "the program goes beyond a limit", std::move(found));
   if (auto found = setup_.device->problems(program_); !found.empty())
     throw Error(ErrorCode::limit_exceeded, "the device cannot play the program", std::move(found));
   const auto header = header_of(setup_, *setup_.device, program_.rate());
   started_ = header.start_time;
-  sink_ = std::make_unique<Sink>(
-      setup_.path, header, daq::Scaling(setup_.device->columns(), setup_.device->signals(), program_.rate()),
-      hub_, setup_.id);
+  while (!sink_) try {
+      sink_ = std::make_unique<Sink>(
+          setup_.path, setup_.existing, header,
+          daq::Scaling(setup_.device->columns(), setup_.device->signals(), program_.rate()), hub_, setup_.id);
+    } catch (const recordings::NameTaken&) {
+      if (!setup_.next_path) throw;
+      setup_.path = setup_.next_path();
+    }
   if (!setup_.notes.empty()) sink_->add_event({0, "note", setup_.notes});
   if (program_.distortion() > 0.5 / program_.rate())
     sink_->add_event({0, "stretched",
                       "the sample rate is too low for the program's corners: one of them is " +
                           std::to_string(program_.distortion()) + " s late"});
   tell();
+}
+
+void Run::begin(const std::string& stopped) {
+  if (!stopped.empty()) abort(stopped);
   writer_ = std::thread([this] { write(); });
   acquisition_ = std::thread([this] { acquire(); });
 }
@@ -177,7 +186,7 @@ void Run::acquire() {
       if (!more) break;
     }
   } catch (const std::exception& error) {
-    failure = error.what();
+    failure = in_one_line(error.what());
   }
   guard_->release();
   {
@@ -193,7 +202,7 @@ void Run::write() {
   while (auto* block = pipe_->take_full()) {
     sink_->take(*block);
     pipe_->put_free(block);
-    if (!sink_->failure().empty()) guard_->stop(sink_->failure());
+    if (!sink_->trouble().empty()) guard_->stop(sink_->trouble());
     const auto now = std::chrono::steady_clock::now();
     const auto now_in = status().state;
     if (now_in == state && now - shown < status_interval) continue;
@@ -213,15 +222,20 @@ void Run::write() {
     reason = closing.reason = sink_->failure();
     closing.status = "aborted";
   }
+  // A guard that never had a stream has told nobody.
+  if (outcome.end == daq::End::none && !outcome.warning.empty())
+    sink_->add_event({0, "fault", outcome.warning});
   const bool recorded =
       sink_->finish(closing.status, closing.reason, closing.segments, setup_.device->noise());
   if (!sink_->failure().empty()) reason = sink_->failure();
+  setup_.device.reset();  // who is told of the end may open it
   {
     const std::scoped_lock lock(mutex_);
     state_ = complete && sink_->failure().empty() ? RunState::complete : RunState::aborted;
     reason_ = reason;
     ended_ = recordings::iso_now();
     at_zero_ = outcome.output_at_zero;
+    warning_ = outcome.warning;
     recorded_ = recorded;
   }
   tell();
@@ -261,6 +275,7 @@ RunStatus Run::status() const {
   out.ended = ended_;
   if (is_over(state_)) {
     out.output_at_zero = at_zero_;
+    out.warning = warning_;
     if (!recorded_) out.recording = out.path = "";
     return out;
   }
@@ -304,8 +319,18 @@ void Run::resume() {
   tell();
 }
 
-void Run::abort(const std::string& reason) {
+void Run::abort(const std::string& reason, bool again) {
+  if (!asked_to_stop_.exchange(true)) return stop(reason);
+  if (!again) hasten();
+}
+
+void Run::stop(const std::string& reason) {
   guard_->stop(reason);
+  tell();
+}
+
+void Run::hasten() {
+  guard_->hasten();
   tell();
 }
 

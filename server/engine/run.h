@@ -6,6 +6,7 @@
 // possible waits instead.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -50,6 +51,7 @@ struct RunStatus {
   double sample_rate = 0;  // Hz
   std::string started{}, ended{};
   bool output_at_zero = true;
+  std::string warning{};
 };
 template <class Visitor>
 void describe(Visitor& visit, RunStatus& s) {
@@ -73,6 +75,7 @@ void describe(Visitor& visit, RunStatus& s) {
   visit("started", s.started, {.doc = "ISO 8601"});
   visit("ended", s.ended, {.doc = "ISO 8601, \"\" while it runs"});
   visit("output_at_zero", s.output_at_zero, {.doc = "false while it runs, or if the device did not obey"});
+  visit("warning", s.warning, {.doc = "what the person at the bench must do now; \"\" if nothing"});
 }
 
 struct RunSetup {
@@ -82,7 +85,9 @@ struct RunSetup {
   std::string device_name{};
   daq::Limits limits{};
   daq::Interlock interlock{};
-  std::string path{};  // of the recording; must not exist
+  std::string path{};  // of the recording
+  recordings::Existing existing = recordings::Existing::keep;
+  std::function<std::string()> next_path{};  // where it goes if the path has just gone to another program
   std::string notes{};
   std::string rerun_of{};  // identifier of the recording that this run repeats
   bool real_time = true;
@@ -93,11 +98,13 @@ class Run {
  public:
   // Everything that can be refused is refused here, before anything moves: Error(limit_exceeded) with every
   // problem of the program, Error(invalid_params) for the rate, Error(io_error | disk_full) for the file.
-  // Then it starts.
   Run(RunSetup setup, Hub& hub);
   ~Run();  // aborts, and waits until the output is at zero
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;
+
+  // Once, and at once. With `stopped`, the reason of a stop that came before: nothing moves.
+  void begin(const std::string& stopped = "");
 
   const std::string& id() const { return setup_.id; }
   RunStatus status() const;
@@ -107,8 +114,10 @@ class Run {
   // Error(bad_state) where that makes no sense now.
   void pause();
   void resume();
-  void abort(const std::string& reason);  // a safe stop; nothing if the run is over
-  void wait();                            // until the recording is whole
+  void abort(const std::string& reason, bool again = false);  // a safe stop; see Engine
+  void stop(const std::string& reason);                       // a safe stop that nobody asked for
+  void hasten();                                              // see Guard
+  void wait();                                                // until the recording is whole
 
  private:
   struct Pipe;
@@ -127,10 +136,11 @@ class Run {
 
   mutable std::mutex mutex_;  // over what follows
   RunState state_ = RunState::arming;
-  std::string reason_, ended_;
+  std::string reason_, ended_, warning_;
   bool at_zero_ = false;
   bool recorded_ = true;
 
+  std::atomic<bool> asked_to_stop_ = false;
   std::mutex telling_;  // what is told comes in the order in which it was so
   std::mutex joining_;
   std::thread writer_, acquisition_;

@@ -11,7 +11,7 @@ namespace ferrobench::server {
 using recordings::Channel;
 
 Simulation simulate_recording(const recordings::Recording& recording, const nlohmann::json& model,
-                              const std::string& origin) {
+                              const std::string& origin, const std::function<bool()>& stop) {
   const auto& chosen = model.is_null() ? recording.header.model : model;
   if (chosen.is_null())
     throw Error(ErrorCode::invalid_params, "there is no model to simulate with",
@@ -19,7 +19,9 @@ Simulation simulate_recording(const recordings::Recording& recording, const nloh
                         .message = "is missing, and the recording names none",
                         .hint = "give one: --model NAME or FILE"});
   const auto adapted = model::model_for(model::model_from_json(chosen), recording.header);
-  auto trajectory = model::simulate_on(adapted, recording, model::below_noise, true);
+  auto options = model::below_noise;
+  if (stop) options.stop = &stop;
+  auto trajectory = model::simulate_on(adapted, recording, options, true);
   const bool commanded = recording.has(Channel::command);
 
   Simulation out;

@@ -2,6 +2,7 @@
 
 #include <chrono>
 
+#include "protocols/common/visible.h"
 #include "recordings/iso_time.h"
 
 namespace ferrobench::server {
@@ -14,10 +15,10 @@ constexpr std::size_t gap_rows = 8192;            // written at a time
 
 }  // namespace
 
-Sink::Sink(const std::string& path, const recordings::Header& header, daq::Scaling scaling, Hub& hub,
-           std::string run)
+Sink::Sink(const std::string& path, recordings::Existing existing, const recordings::Header& header,
+           daq::Scaling scaling, Hub& hub, std::string run)
     : scaling_(std::move(scaling)), hub_(hub), run_(run), live_(hub, std::move(run)) {
-  writer_.emplace(path, header, scaling_.channels(), scaling_.columns());
+  writer_.emplace(path, header, scaling_.channels(), scaling_.columns(), existing);
 }
 
 template <class F>
@@ -26,7 +27,7 @@ void Sink::guarded(F&& write) {
   try {
     write();
   } catch (const std::exception& error) {
-    failure_ = std::string("the recording cannot be written: ") + error.what();
+    failure_ = "the recording cannot be written: " + in_one_line(error.what());
   }
 }
 
@@ -53,6 +54,12 @@ void Sink::watch_disk() {
   rows_on_disk_ = writer_->rows_on_disk();
   const auto waiting = writer_->waiting();
   if (waiting > patience && failure_.empty()) failure_ = "the disk does not answer";
+  if (trouble_.empty() && !writer_->is_in_place()) {
+    trouble_ = "the journal of the recording was removed or renamed while the run went on";
+    add_event(
+        {static_cast<double>(rows_) / scaling_.rate(), "journal_gone",
+         trouble_ + "; the file is made of it at the end, but the end of the program would have cost it"});
+  }
   if (waiting <= prompt || slow_) return;
   slow_ = true;
   add_event({static_cast<double>(rows_) / scaling_.rate(), "slow_disk",
@@ -79,10 +86,10 @@ bool Sink::finish(const std::string& status, const std::string& reason,
       writer_->discard();
       return false;
     }
-    writer_->finish(status, reason, segments, noise);
+    writer_->finish(status, reason, segments, noise, rows_);
     rows_on_disk_ = written;
   } catch (const std::exception& error) {
-    if (failure_.empty()) failure_ = std::string("the recording's file cannot be made: ") + error.what();
+    if (failure_.empty()) failure_ = "the recording's file cannot be made: " + in_one_line(error.what());
   }
   return rows_ > 0;
 }

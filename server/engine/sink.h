@@ -2,7 +2,8 @@
 //
 // Rows that were lost on the way are written as NaN (raw counts as the lowest one), so that a row's number is
 // its time. After a failure to write, blocks are still shown and the failure is kept; so it is when the disk
-// has owed the confirmation of a write for 10 s.
+// has owed the confirmation of a write for 10 s. Somebody who takes the journal away ends the run, too, and
+// its file is made all the same.
 #pragma once
 
 #include <atomic>
@@ -18,8 +19,8 @@ namespace ferrobench::server {
 class Sink {
  public:
   // Throws what recordings::Writer throws.
-  Sink(const std::string& path, const recordings::Header& header, daq::Scaling scaling, Hub& hub,
-       std::string run);
+  Sink(const std::string& path, recordings::Existing existing, const recordings::Header& header,
+       daq::Scaling scaling, Hub& hub, std::string run);
 
   void take(const daq::SampleBlock& block);
   void add_event(const recordings::Event& event);
@@ -30,7 +31,9 @@ class Sink {
 
   std::uint64_t rows() const { return rows_; }
   std::uint64_t rows_on_disk() const { return rows_on_disk_; }  // for any thread
-  const std::string& failure() const { return failure_; }       // "" if all went well
+  const std::string& failure() const { return failure_; }       // to write; "" if all went well
+  // Why the run is to end; what it measures until then is still recorded if it can be. "" if all goes well.
+  const std::string& trouble() const { return failure_.empty() ? trouble_ : failure_; }
 
  private:
   template <class F>
@@ -44,7 +47,7 @@ class Sink {
   std::string run_;
   LiveStream live_;
   std::optional<recordings::Writer> writer_;
-  std::string failure_;
+  std::string failure_, trouble_;
   std::uint64_t rows_ = 0;
   std::atomic<std::uint64_t> rows_on_disk_ = 0;
   bool slow_ = false;

@@ -6,9 +6,10 @@
 #include <algorithm>
 #include <cstdlib>
 #include <ctime>
-#include <fstream>
 
 #include "model/model.h"
+#include "protocols/common/text_file.h"
+#include "recordings/file.h"
 #include "recordings/recover.h"
 
 namespace ferrobench::server {
@@ -20,6 +21,8 @@ namespace {
 constexpr std::string_view allowed_in_names =
     "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
 constexpr std::size_t longest_name = 120;
+constexpr std::size_t most_to_name = 40;  // where a name is not known, of those that are
+constexpr std::size_t most_model_bytes = 16u << 20;
 
 std::string utc_stamp() {
   const std::time_t now = std::time(nullptr);
@@ -58,6 +61,8 @@ void make_folder(const fs::path& folder) {
               Problem{.path = "/" + what,
                       .message = "is not known here",
                       .given = excerpt(name),
+                      .allowed = names.empty() || names.size() > most_to_name ? nlohmann::json()
+                                                                              : nlohmann::json(names),
                       .hint = guess.empty() ? what + ".list names them" : "did you mean \"" + guess + "\"?"});
 }
 
@@ -111,8 +116,20 @@ std::optional<std::string> Store::download(const std::string& name) const {
   }
 }
 
+fs::path Store::add_recording(const std::string& stem,
+                              const ferrobench::recordings::Recording& recording) const {
+  for (;;) {
+    auto path = new_recording(stem);
+    try {
+      write_recording(path.string(), recording, ferrobench::recordings::Existing::keep);
+      return path;
+    } catch (const ferrobench::recordings::NameTaken&) {  // by another program, just now
+    }
+  }
+}
+
 bool Store::is_taken(const fs::path& path) {
-  return fs::exists(path) ||
+  return fs::exists(fs::symlink_status(path)) ||
          ferrobench::recordings::journal_state(path) != ferrobench::recordings::JournalState::none;
 }
 
@@ -152,7 +169,8 @@ nlohmann::json Store::model(const std::string& name) const {
   if (std::ranges::count(model::model_library_names(), name) > 0)
     return model::to_json(model::library_model(name));
   if (std::ranges::count(model_names(), name) == 0) throw_not_found("model", name, model_names());
-  return model::to_json(model::model_from_file(folder_ / "models" / (name + ".json")));
+  const auto file = (folder_ / "models" / (name + ".json")).string();
+  return model::to_json(model::model_from_text(read_text_file(file, most_model_bytes, ErrorCode::bad_model)));
 }
 
 void Store::put_model(const std::string& name, const nlohmann::json& model) const {
@@ -163,13 +181,9 @@ void Store::put_model(const std::string& name, const nlohmann::json& model) cons
         ErrorCode::busy, "a shipped model has this name",
         Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
   const auto path = folder_ / "models" / (name + ".json");
-  const auto part = path.string() + ".part";
-  std::ofstream(part) << model::to_json(checked).dump(2) << '\n';
-  std::error_code failure;
-  fs::rename(part, path, failure);
-  if (failure)
-    throw Error(ErrorCode::io_error, "the model cannot be kept",
-                Problem{.message = failure.message(), .given = path.string()});
+  ferrobench::recordings::NewFile file(path.string(), ferrobench::recordings::Existing::replace);
+  file.write(model::to_json(checked).dump(2) + '\n');
+  file.put();
 }
 
 std::string default_model_name() {

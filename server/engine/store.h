@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "recordings/recording.h"
+
 namespace ferrobench::server {
 
 // $FERROBENCH_DATA, else ~/.local/share/ferrobench. Error(io_error) if neither is known.
@@ -20,8 +22,11 @@ class Store {
   const std::filesystem::path& folder() const { return folder_; }
   std::filesystem::path recordings() const { return folder_ / "recordings"; }
 
-  // A path in recordings() that is not taken: the stem, the time in UTC, and a number if need be.
+  // A path in recordings() that is not taken: the stem, the time in UTC, and a number if need be. Another
+  // program may be quicker: whoever makes the file keeps what is there, and asks again.
   std::filesystem::path new_recording(const std::string& stem) const;
+  // Writes it under such a name.
+  std::filesystem::path add_recording(const std::string& stem, const recordings::Recording& recording) const;
   // The file of a recording of this store by its name, with or without ".h5". Names come from outside: one
   // with anything but letters, digits and . _ - is Error(invalid_params). Error(not_found) with the nearest
   // name. A link is no recording. While a run goes on, or where one broke off, only the file's journal may be

@@ -1,7 +1,9 @@
 #include "server/engine/table_runs.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <set>
+#include <thread>
 
 #include "daq/registry.h"
 #include "recordings/file.h"
@@ -33,6 +35,19 @@ class TemporaryFolder {
   fs::path path;
 };
 
+// Until all are over.
+void follow(const std::vector<std::unique_ptr<Run>>& runs, const std::function<bool(double)>& progress) {
+  while (!std::ranges::all_of(runs, [](const auto& run) { return run->over(); })) {
+    double done = 0;
+    for (const auto& run : runs) done += run->status().progress;
+    if (!progress(done / static_cast<double>(runs.size()))) {
+      for (const auto& run : runs) run->abort("the table was stopped");
+      throw Error(ErrorCode::cancelled, "the table was stopped");
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+}
+
 }  // namespace
 
 std::vector<RunRequest> table_requests(const std::string& table, const nlohmann::json& model,
@@ -58,7 +73,8 @@ std::vector<RunRequest> table_requests(const std::string& table, const nlohmann:
 }
 
 recordings::Comparison run_table(const std::string& table, const std::vector<RunRequest>& requests,
-                                 const Store& store, const std::string& keep) {
+                                 const Store& store, const std::string& keep,
+                                 const std::function<bool(double)>& progress) {
   const TemporaryFolder folder;
   if (!keep.empty()) fs::create_directories(keep);
   Hub nobody;
@@ -79,7 +95,9 @@ recordings::Comparison run_table(const std::string& table, const std::vector<Run
                                        .path = (keep.empty() ? folder.path : fs::path(keep)) / name,
                                        .real_time = false},
                               nobody));
+    runs.back()->begin();
   }
+  follow(runs, progress);
   std::vector<recordings::Recording> recorded;
   for (auto& run : runs) {
     run->wait();

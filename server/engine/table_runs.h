@@ -1,6 +1,8 @@
 // The runs behind a published table, on the virtual device.
 #pragma once
 
+#include <functional>
+
 #include "recordings/tables/comparison.h"
 #include "server/engine/request.h"
 
@@ -12,7 +14,9 @@ std::vector<RunRequest> table_requests(const std::string& table, const nlohmann:
                                        const nlohmann::json& set, std::int64_t seed);
 
 // Runs them side by side, as fast as possible, and compares. The recordings stay in `keep` ("": nowhere).
+// `progress` is told the share that is done, and returns false to stop: Error(cancelled).
 recordings::Comparison run_table(const std::string& table, const std::vector<RunRequest>& requests,
-                                 const Store& store, const std::string& keep);
+                                 const Store& store, const std::string& keep,
+                                 const std::function<bool(double)>& progress);
 
 }  // namespace ferrobench::server

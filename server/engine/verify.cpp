@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "protocols/common/fields.h"
+#include "recordings/file.h"
 #include "recordings/reports/report.h"
 
 namespace ferrobench::server {
@@ -43,14 +45,14 @@ std::optional<std::string> first_difference(const Recording& recorded, const Rec
     if (!added && !left_out) return column.dataset + ", " + in_words(column);
   }
   for (const auto& value : difference.tables) {
-    const bool was_open = recorded.status == "running" && value.place == "/status";
+    const bool was_open = recordings::is_open(recorded.status) && value.place == "/status";
     const bool left_out = !replayed.raw && value.place.starts_with("/scaling");
     if (!was_open && !left_out)
       return value.place + ": " + excerpt(value.a.dump()) + " and " + excerpt(value.b.dump());
   }
-  // A status that was "running" stands in the report, too.
+  // A status that was open stands in the report, too.
   auto asked = recorded;
-  if (asked.status == "running") asked.status = replayed.status;
+  if (recordings::is_open(asked.status)) asked.status = replayed.status;
   if (report_of(asked) != report_of(replayed)) return "the report";
   return std::nullopt;
 }

@@ -48,6 +48,17 @@ void describe(Visitor& visit, DeviceParams& p) {
   visit("device", p.device, {.required = true, .doc = "id of an open device"});
 }
 
+struct SelftestParams {
+  std::string device{};
+  double sample_rate = daq::selftest_rate;  // Hz
+};
+template <class Visitor>
+void describe(Visitor& visit, SelftestParams& p) {
+  visit("device", p.device, {.required = true, .doc = "id of an open device"});
+  visit("sample_rate_Hz", p.sample_rate,
+        {.unit = "Hz", .min = 0, .max = 1e9, .exclusive_min = true, .doc = "at which it is tested"});
+}
+
 struct DeviceInfo {
   std::string device{};
   nlohmann::json info{};
@@ -83,19 +94,31 @@ void add_device_methods(Dispatcher& rpc, Engine& engine) {
   rpc.add<OpenParams>(
       {.name = "device.open",
        .doc = "Opens a device that keeps its state from run to run.",
-       .role = Role::control},
+       .role = Role::control,
+       .errors = {ErrorCode::busy, ErrorCode::not_found, ErrorCode::bad_state, ErrorCode::bad_model,
+                  ErrorCode::bad_recording, ErrorCode::device_unavailable, ErrorCode::device_lost,
+                  ErrorCode::io_error, ErrorCode::limit_exceeded}},
       [&engine](const OpenParams& p) { return opened(engine, engine.open_device(p.device, p.config)); });
-  rpc.add<DeviceParams>({.name = "device.close", .doc = "Closes an open device.", .role = Role::control},
-                        [&engine](const DeviceParams& p) { engine.close_device(p.device); });
-  rpc.add<DeviceParams>({.name = "device.info", .doc = "What an open device says of itself."},
-                        [&engine](const DeviceParams& p) { return opened(engine, p.device); });
-  rpc.add<DeviceParams>({.name = "device.selftest",
-                         .doc = "Plays a small waveform, with the output looped back to the field monitor, "
-                                "and compares. run.abort "
-                                "without a run's id stops it.",
+  rpc.add<DeviceParams>({.name = "device.close",
+                         .doc = "Closes an open device.",
                          .role = Role::control,
-                         .result_schema = {{"type", "object"}}},
-                        [&engine](const DeviceParams& p) { return to_json(engine.selftest(p.device)); });
+                         .errors = {ErrorCode::not_found, ErrorCode::busy, ErrorCode::bad_state}},
+                        [&engine](const DeviceParams& p) { engine.close_device(p.device); });
+  rpc.add<DeviceParams>(
+      {.name = "device.info",
+       .doc = "What an open device says of itself.",
+       .errors = {ErrorCode::not_found, ErrorCode::busy, ErrorCode::bad_state, ErrorCode::device_lost}},
+      [&engine](const DeviceParams& p) { return opened(engine, p.device); });
+  rpc.add<SelftestParams>(
+      {.name = "device.selftest",
+       .doc = "Plays a small waveform, with the output looped back to the field monitor, "
+              "and compares. run.abort without a run's id stops it.",
+       .role = Role::control,
+       .lane = Lane::heavy,
+       .errors = {ErrorCode::not_found, ErrorCode::busy, ErrorCode::bad_state, ErrorCode::cancelled,
+                  ErrorCode::device_unavailable, ErrorCode::device_lost, ErrorCode::interlock_open,
+                  ErrorCode::limit_exceeded}},
+      [&engine](const SelftestParams& p) { return engine.selftest(p.device, p.sample_rate); });
 }
 
 }  // namespace ferrobench::server

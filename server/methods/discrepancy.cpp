@@ -3,6 +3,7 @@
 #include "recordings/file.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
+#include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
 namespace {
@@ -13,7 +14,7 @@ struct DiscoveryParams {
   std::vector<std::string> recordings{}, tables{}, held_out{};
   json model{};
   std::string name{};
-  std::int64_t seed = 1;
+  std::int64_t seed = 1, threads = 0;
 };
 template <class Visitor>
 void describe(Visitor& visit, DiscoveryParams& p) {
@@ -23,6 +24,7 @@ void describe(Visitor& visit, DiscoveryParams& p) {
   visit("held_out", p.held_out, {.doc = "names of those to lock away for the proof; absent: chosen"});
   visit("name", p.name, {.doc = "keeps the improved model under this name"});
   visit("seed", p.seed, {.min = 0, .doc = "of the recalibration's other starts"});
+  visit("threads", p.threads, {.min = 0, .max = 256, .doc = "0: as many as the machine has"});
 }
 struct DiscoveryJob {
   std::string job{};
@@ -53,19 +55,46 @@ json search_discrepancy(Engine& engine, const DiscoveryParams& p, Jobs::Handle& 
   job.say(0, "reading");
   const auto base = model::model_from_json(resolve_model(p.model, engine.store()));
   std::vector<model::NamedRecording> recordings;
-  for (const auto& name : p.recordings)
+  for (const auto& name : p.recordings) {
+    job.check();
     recordings.push_back({name, recordings::read_recording(engine.store().recording(name).string())});
+  }
   model::DiscoverOptions options;
   options.held_out = p.held_out;
   options.seed = static_cast<std::uint64_t>(p.seed);
+  options.threads = static_cast<int>(p.threads);
   options.progress = [&job](const model::DiscoverProgress& progress) {
     job.say(progress.fraction, progress.stage);
     return !job.cancelled();
   };
+  options.stop = [&job] { return job.cancelled(); };
   const auto found = p.tables.empty() ? model::discover(base, std::move(recordings), options)
                                       : model::discover_in_tables(base, p.tables, options);
+  job.check();
   if (!p.name.empty()) engine.store().put_model(p.name, to_json(found.improved));
   return {{"discovery", to_json(found)}, {"html", html_report(found)}, {"text", text_report(found)}};
+}
+
+// Of to_json(Discovery), or the report's text.
+json discovery_schema() {
+  using namespace schema;
+  const auto rows = list_of(any_object());
+  auto out = object(
+      {{"verdict", text()},
+       {"explanations", rows},
+       {"probability_unknown", number()},
+       {"probability_nothing", number()},
+       {"family", or_null(text("kind of an unknown effect"))},
+       {"where",
+        list_of(
+            object({{"recording", text()}, {"channel", text()}, {"segment", any()}, {"excess", number()}}))},
+       {"recalibrated", map_of(object({{"from", number()}, {"to", number()}, {"std", number()}}))},
+       {"gap", any_object("residual over noise, before and after")},
+       {"model", any_object("the improved one")},
+       {"findings", list_of(text(), "in sentences")}},
+      any());
+  out["type"] = {"object", "string"};
+  return out;
 }
 
 JobStatus discovery_status(Engine& engine, const std::string& id) {
@@ -84,7 +113,8 @@ void add_discrepancy_methods(Dispatcher& rpc, Engine& engine) {
        .doc =
            "Finds what a model misses in recordings, names it, adds it, and proves it on unseen ones. A job; "
            "job.cancel stops it.",
-       .role = Role::control},
+       .role = Role::control,
+       .errors = {ErrorCode::not_found, ErrorCode::busy}},
       [&engine](const DiscoveryParams& p) {
         if (!p.name.empty()) check_name(p.name, "/name");
         if (p.recordings.empty() == p.tables.empty())
@@ -95,17 +125,20 @@ void add_discrepancy_methods(Dispatcher& rpc, Engine& engine) {
             "discover", [&engine, p](Jobs::Handle& job) { return search_discrepancy(engine, p, job); });
         return engine.jobs().status(id);
       });
-  rpc.add<DiscoveryJob>(
-      {.name = "discrepancy.status", .doc = "How far a search is: stage, progress, time left."},
-      [&engine](const DiscoveryJob& p) {
-        auto status = discovery_status(engine, p.job);
-        status.result = nullptr;
-        return status;
-      });
+  rpc.add<DiscoveryJob>({.name = "discrepancy.status",
+                         .doc = "How far a search is: stage, progress, time left.",
+                         .errors = {ErrorCode::not_found}},
+                        [&engine](const DiscoveryJob& p) {
+                          auto status = discovery_status(engine, p.job);
+                          status.result = nullptr;
+                          return status;
+                        });
   rpc.add<DiscoveryResult>(
       {.name = "discrepancy.result",
        .doc = "What a search found: verdict, explanations, where, gap, improved model; or its report.",
-       .result_schema = {{"type", json::array({"object", "string"})}}},
+       .lane = Lane::heavy,
+       .errors = {ErrorCode::not_found, ErrorCode::bad_state},
+       .result_schema = discovery_schema()},
       [&engine](const DiscoveryResult& p) -> json {
         const auto status = discovery_status(engine, p.job);
         if (status.state != JobState::complete)

@@ -11,7 +11,8 @@
 // | recording | list info read report compare export import annotate recover delete |
 // | model     | list get put schema simulate fit                                 |
 // | discrepancy | start status result                                            |
-// | job       | status cancel                                                    |
+// | table     | run                                                              |
+// | job       | list status cancel                                               |
 // | lease     | acquire renew release status                                     |
 // |           | subscribe unsubscribe rpc.discover                               |
 #pragma once
@@ -31,5 +32,6 @@ void add_run_methods(Dispatcher& rpc, Engine& engine);
 void add_recording_methods(Dispatcher& rpc, Engine& engine);
 void add_model_methods(Dispatcher& rpc, Engine& engine);
 void add_discrepancy_methods(Dispatcher& rpc, Engine& engine);
+void add_table_methods(Dispatcher& rpc, Engine& engine);
 
 }  // namespace ferrobench::server

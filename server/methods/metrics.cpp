@@ -113,7 +113,8 @@ std::string Metrics::text(const Load& load, std::uint64_t audit_lines_lost) cons
   put_runs(out, engine_);
   put_clients(out, engine_.hub(), load);
   put(out, MetricType::Counter, "ferrobench_audit_lines_lost_total",
-      "Lines of the audit log that the disk was too slow for", static_cast<double>(audit_lines_lost));
+      "Lines of the audit log that could not be written: the disk was too slow, full, or failed",
+      static_cast<double>(audit_lines_lost));
   std::error_code failure;
   if (const auto space = std::filesystem::space(engine_.store().folder(), failure); !failure)
     put(out, MetricType::Gauge, "ferrobench_data_free_bytes", "Room left on the disk of the data folder",

@@ -4,6 +4,7 @@
 #include "server/engine/fitting.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
+#include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
 namespace {
@@ -11,13 +12,14 @@ namespace {
 using nlohmann::json;
 
 struct ModelRow {
-  std::string name{}, title{}, notes{};
+  std::string name{}, title{}, notes{}, error{};
 };
 template <class Visitor>
 void describe(Visitor& visit, ModelRow& r) {
   visit("name", r.name, {.required = true});
   visit("title", r.title, {});
   visit("notes", r.notes, {.doc = "how it was obtained"});
+  visit("error", r.error, {.doc = "why it cannot be used; \"\" if it can"});
 }
 struct ModelList {
   std::vector<ModelRow> models{};
@@ -33,7 +35,7 @@ struct ModelName {
 };
 template <class Visitor>
 void describe(Visitor& visit, ModelName& p) {
-  visit("name", p.name, {.required = true});
+  visit("name", p.name, {.required = true, .doc = "of a model, as model.list gives it"});
 }
 struct ModelText {
   json model{};
@@ -48,7 +50,7 @@ struct PutParams {
 };
 template <class Visitor>
 void describe(Visitor& visit, PutParams& p) {
-  visit("name", p.name, {.required = true});
+  visit("name", p.name, {.required = true, .doc = "to keep it under"});
   visit("model", p.model, {.required = true, .doc = "as JSON; model.schema describes it"});
 }
 struct SimulateParams {
@@ -61,17 +63,26 @@ void describe(Visitor& visit, SimulateParams& p) {
   visit("model", p.model, {.doc = "name or model; absent: the recording's own"});
 }
 
+// One that cannot be read keeps none of the others from the list.
+ModelRow row_of_model(const Store& store, const std::string& name) {
+  try {
+    const auto model = store.model(name);
+    return {.name = name, .title = model.value("name", name), .notes = model.value("notes", "")};
+  } catch (const Error& error) {
+    return {.name = name, .title = name, .error = error.what()};
+  }
+}
+
 json simulate(Engine& engine, const SimulateParams& p, Jobs::Handle& job) {
   job.say(0, "reading");
   const auto source = recordings::read_recording(engine.store().recording(p.recording).string());
   const auto model = p.model.is_null() ? json() : resolve_model(p.model, engine.store());
   job.check();
   job.say(0.1, "simulating");
-  const auto simulation = simulate_recording(source, model, p.recording);
+  const auto simulation = simulate_recording(source, model, p.recording, [&job] { return job.cancelled(); });
   job.check();
   job.say(0.9, "writing");
-  const auto path = engine.store().new_recording(p.recording + "-simulated");
-  recordings::write_recording(path.string(), simulation.recording);
+  const auto path = engine.store().add_recording(p.recording + "-simulated", simulation.recording);
   return {{"recording", path.stem().string()},
           {"path", path.string()},
           {"time_error", simulation.time_error},
@@ -96,57 +107,75 @@ json fit(Engine& engine, const FitParams& p, Jobs::Handle& job) {
   job.say(0, "reading");
   const auto start = model::model_from_json(resolve_model(p.model, engine.store()));
   std::vector<recordings::Recording> recordings;
-  for (const auto& name : p.recordings)
+  for (const auto& name : p.recordings) {
+    job.check();
     recordings.push_back(recordings::read_recording(engine.store().recording(name).string()));
-  auto result =
-      fit_model(p.request, start, std::move(recordings), [&job](const model::FitProgress& progress) {
+  }
+  auto result = fit_model(
+      p.request, start, std::move(recordings),
+      [&job](const model::FitProgress& progress) {
         job.say(progress.fraction,
                 "start " + std::to_string(progress.start + 1) + " of " + std::to_string(progress.starts));
         return !job.cancelled();
-      });
-  job.check();
-  if (!p.name.empty()) engine.store().put_model(p.name, result.at("model"));
+      },
+      [&job] { return job.cancelled(); });
+  if (result.value("stopped", false))
+    job.stopped();
+  else if (!p.name.empty())
+    engine.store().put_model(p.name, result.at("model"));
   return result;
 }
 
 }  // namespace
 
 void add_model_methods(Dispatcher& rpc, Engine& engine) {
-  rpc.add<NoParams>({.name = "model.list", .doc = "The shipped models and those put here."},
+  rpc.add<NoParams>({.name = "model.list",
+                     .doc = "The shipped models and those put here.",
+                     .lane = Lane::heavy,
+                     .errors = {ErrorCode::bad_model, ErrorCode::io_error}},
                     [&engine](const NoParams&) {
                       ModelList out{.models = {}, .usual = default_model_name()};
-                      for (const auto& name : engine.store().model_names()) {
-                        const auto model = engine.store().model(name);
-                        out.models.push_back({name, model.value("name", name), model.value("notes", "")});
-                      }
+                      for (const auto& name : engine.store().model_names())
+                        out.models.push_back(row_of_model(engine.store(), name));
                       return out;
                     });
-  rpc.add<ModelName>({.name = "model.get", .doc = "A model by name."},
+  rpc.add<ModelName>({.name = "model.get",
+                      .doc = "A model by name.",
+                      .errors = {ErrorCode::not_found, ErrorCode::bad_model, ErrorCode::io_error}},
                      [&engine](const ModelName& p) { return ModelText{engine.store().model(p.name)}; });
-  rpc.add<NoParams>(
-      {.name = "model.schema", .doc = "JSON Schema of a model.", .result_schema = {{"type", "object"}}},
-      [](const NoParams&) { return model::model_schema(); });
-  rpc.add<PutParams>({.name = "model.put", .doc = "Keeps a model under a name.", .role = Role::control},
+  rpc.add<NoParams>({.name = "model.schema",
+                     .doc = "JSON Schema of a model.",
+                     .result_schema = schema::any_object("a JSON Schema")},
+                    [](const NoParams&) { return model::model_schema(); });
+  rpc.add<PutParams>({.name = "model.put",
+                      .doc = "Keeps a model under a name.",
+                      .role = Role::control,
+                      .errors = {ErrorCode::bad_model, ErrorCode::io_error, ErrorCode::disk_full}},
                      [&engine](const PutParams& p) { engine.store().put_model(p.name, p.model); });
   rpc.add<SimulateParams>(
       {.name = "model.simulate",
        .doc = "Plays a recording's own program through a model, without noise, into a new recording. A job.",
-       .role = Role::control},
+       .role = Role::control,
+       .lane = Lane::heavy,
+       .errors = {ErrorCode::not_found, ErrorCode::busy}},
       [&engine](const SimulateParams& p) {
         engine.store().recording(p.recording);
         const auto id = engine.jobs().start(
             "simulate", [&engine, p](Jobs::Handle& job) { return simulate(engine, p, job); });
         return engine.jobs().status(id);
       });
-  rpc.add<FitParams>({.name = "model.fit",
-                      .doc = "Fits a model to published tables or to recordings, or calibrates it. A job.",
-                      .role = Role::control},
-                     [&engine](const FitParams& p) {
-                       if (!p.name.empty()) check_name(p.name, "/name");
-                       const auto id = engine.jobs().start(
-                           "fit", [&engine, p](Jobs::Handle& job) { return fit(engine, p, job); });
-                       return engine.jobs().status(id);
-                     });
+  rpc.add<FitParams>(
+      {.name = "model.fit",
+       .doc = "Fits a model to published tables or to recordings, or calibrates it. A job; cancelled, its "
+              "result is the best so far, which is kept under no name.",
+       .role = Role::control,
+       .errors = {ErrorCode::not_found, ErrorCode::busy}},
+      [&engine](const FitParams& p) {
+        if (!p.name.empty()) check_name(p.name, "/name");
+        const auto id =
+            engine.jobs().start("fit", [&engine, p](Jobs::Handle& job) { return fit(engine, p, job); });
+        return engine.jobs().status(id);
+      });
 }
 
 }  // namespace ferrobench::server

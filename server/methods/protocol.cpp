@@ -1,6 +1,7 @@
 #include "daq/guard/check.h"
 #include "daq/registry.h"
 #include "server/methods/methods.h"
+#include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
 namespace {
@@ -33,7 +34,7 @@ struct ProtocolName {
 };
 template <class Visitor>
 void describe(Visitor& visit, ProtocolName& p) {
-  visit("name", p.name, {.required = true});
+  visit("name", p.name, {.required = true, .doc = "of a shipped protocol, as protocol.list gives it"});
 }
 struct ProtocolText {
   json protocol{};
@@ -59,15 +60,19 @@ void describe(Visitor& visit, PreviewParams& p) {
 struct PreviewSegment {
   std::string kind{}, label{};
   double start = 0, end = 0, level = 0, rate = 0;
+  std::optional<double> center{}, amplitude{}, frequency{};
 };
 template <class Visitor>
 void describe(Visitor& visit, PreviewSegment& s) {
-  visit("kind", s.kind, {});
-  visit("label", s.label, {});
+  visit("kind", s.kind, {.doc = "ramp, hold or sine; a recording's segment table calls a sine a ramp"});
+  visit("label", s.label, {.doc = "its name in the segment table"});
   visit("start_s", s.start, {.unit = "s"});
   visit("end_s", s.end, {.unit = "s"});
   visit("level", s.level, {.unit = "V/m"});
   visit("rate", s.rate, {.unit = "V/m/s"});
+  visit("center", s.center, {.unit = "V/m", .doc = "of a sine"});
+  visit("amplitude", s.amplitude, {.unit = "V/m", .doc = "of a sine"});
+  visit("frequency_Hz", s.frequency, {.unit = "Hz", .doc = "of a sine"});
 }
 
 struct Preview {
@@ -75,6 +80,8 @@ struct Preview {
   std::int64_t samples = 0;
   std::vector<double> time{}, min{}, max{};
   std::vector<PreviewSegment> segments{};
+  std::string unit{};
+  double unit_size = 1;  // V/m
   json problems = json::array();
 };
 template <class Visitor>
@@ -89,7 +96,9 @@ void describe(Visitor& visit, Preview& p) {
   visit("min", p.min, {.unit = "V/m"});
   visit("max", p.max, {.unit = "V/m"});
   visit("segments", p.segments, {.doc = "the first 1000"});
-  visit("problems", p.problems, {.doc = "limits that the program would pass; run.start would refuse it"});
+  visit("unit", p.unit, {.doc = "in which the program was written"});
+  visit("unit_V_per_m", p.unit_size, {.unit = "V/m", .doc = "size of that unit, on this specimen"});
+  visit("problems", p.problems, {.doc = "limits that the program goes beyond; run.start would refuse it"});
 }
 
 // Exact extremes of each stretch: a stretch's ends and the corners within it.
@@ -117,6 +126,16 @@ void draw(const protocols::SampledWaveform& program, std::int64_t points, Previe
   }
 }
 
+PreviewSegment row_of(const protocols::Segment& s, const protocols::Piece& piece) {
+  PreviewSegment row{s.kind, s.label, s.start, s.end, s.level, s.rate};
+  if (piece.kind != protocols::PieceKind::sine) return row;
+  row.kind = "sine";
+  row.center = piece.center;
+  row.amplitude = piece.amplitude;
+  row.frequency = piece.frequency;
+  return row;
+}
+
 Preview preview(const PreviewParams& p, Engine& engine) {
   auto request = p.request;
   request.fast = true;
@@ -129,10 +148,12 @@ Preview preview(const PreviewParams& p, Engine& engine) {
               .field_min = waveform.minimum(),
               .field_max = waveform.maximum(),
               .max_slew = std::min(program.max_slew(), waveform.max_slew()),
-              .samples = static_cast<std::int64_t>(program.size())};
+              .samples = static_cast<std::int64_t>(program.size()),
+              .unit = waveform.unit().name,
+              .unit_size = waveform.unit().field(1)};
   draw(program, p.points, out);
-  for (const auto& s : waveform.segments().first(std::min<std::size_t>(waveform.segments().size(), 1000)))
-    out.segments.push_back({s.kind, s.label, s.start, s.end, s.level, s.rate});
+  for (std::size_t i = 0; i < std::min<std::size_t>(waveform.segments().size(), 1000); ++i)
+    out.segments.push_back(row_of(waveform.segments()[i], waveform.pieces()[i]));
   for (const auto& problem : daq::check(program, engine.limits())) out.problems.push_back(to_json(problem));
   return out;
 }
@@ -150,27 +171,31 @@ void add_protocol_methods(Dispatcher& rpc, Engine& engine) {
     }
     return out;
   });
-  rpc.add<ProtocolName>({.name = "protocol.get", .doc = "A shipped protocol."}, [](const ProtocolName& p) {
-    return ProtocolText{protocols::library_protocol(p.name).json()};
-  });
-  rpc.add<NoParams>(
-      {.name = "protocol.schema", .doc = "JSON Schema of a protocol.", .result_schema = {{"type", "object"}}},
-      [](const NoParams&) { return protocols::protocol_schema(); });
-  rpc.add<ProtocolText>(
-      {.name = "protocol.validate",
-       .doc = "Every problem of a protocol with its path.",
-       .result_schema = {{"type", "object"},
-                         {"properties",
-                          {{"valid", {{"type", "boolean"}}}, {"problems", {{"type", "array"}}}}}}},
-      [](const ProtocolText& p) {
-        auto problems = json::array();
-        for (const auto& problem : protocols::validate(p.protocol)) problems.push_back(to_json(problem));
-        const bool valid = problems.empty();
-        return json{{"valid", valid}, {"problems", std::move(problems)}};
-      });
+  rpc.add<ProtocolName>(
+      {.name = "protocol.get", .doc = "A shipped protocol.", .errors = {ErrorCode::not_found}},
+      [](const ProtocolName& p) { return ProtocolText{protocols::library_protocol(p.name).json()}; });
+  rpc.add<NoParams>({.name = "protocol.schema",
+                     .doc = "JSON Schema of a protocol.",
+                     .result_schema = schema::any_object("a JSON Schema")},
+                    [](const NoParams&) { return protocols::protocol_schema(); });
+  rpc.add<ProtocolText>({.name = "protocol.validate",
+                         .doc = "Every problem of a protocol with its path.",
+                         .errors = {ErrorCode::bad_protocol},
+                         .result_schema = schema::object(
+                             {{"valid", schema::truth()}, {"problems", schema::list_of(schema::problem())}})},
+                        [](const ProtocolText& p) {
+                          auto problems = json::array();
+                          for (const auto& problem : protocols::validate(p.protocol))
+                            problems.push_back(to_json(problem));
+                          const bool valid = problems.empty();
+                          return json{{"valid", valid}, {"problems", std::move(problems)}};
+                        });
   rpc.add<PreviewParams>(
       {.name = "protocol.preview",
-       .doc = "What a run on the virtual device would do: its length, extremes and waveform."},
+       .doc = "What a run on the virtual device would do: its length, extremes and waveform.",
+       .lane = Lane::heavy,
+       .errors = {ErrorCode::not_found, ErrorCode::bad_protocol, ErrorCode::bad_model, ErrorCode::bad_state,
+                  ErrorCode::io_error, ErrorCode::limit_exceeded}},
       [&engine](const PreviewParams& p) { return preview(p, engine); });
 }
 

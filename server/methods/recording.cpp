@@ -1,15 +1,16 @@
 #include <filesystem>
-#include <fstream>
 
 #include "protocols/common/fields.h"
 #include "recordings/difference.h"
 #include "recordings/export.h"
+#include "recordings/import_csv.h"
 #include "recordings/iso_time.h"
+#include "recordings/new_file.h"
 #include "recordings/recover.h"
 #include "recordings/reports/report.h"
 #include "server/engine/live.h"
-#include "server/engine/text_table.h"
 #include "server/methods/methods.h"
+#include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
 namespace {
@@ -32,7 +33,7 @@ void describe(Visitor& visit, RecordingRow& r) {
   visit("start_time", r.start_time, {.doc = "ISO 8601"});
   visit("duration_s", r.duration, {.unit = "s"});
   visit("rows", r.rows, {});
-  visit("status", r.status, {.doc = "running, complete, aborted, recovered or unreadable"});
+  visit("status", r.status, {.doc = "running, broken_off, complete, aborted, recovered or unreadable"});
   visit("reason", r.reason, {});
   visit("bytes", r.bytes, {.unit = "B"});
 }
@@ -88,12 +89,12 @@ struct AnnotateParams {
 template <class Visitor>
 void describe(Visitor& visit, AnnotateParams& p) {
   visit("name", p.name, {.required = true, .doc = "of a recording"});
-  visit("text", p.text, {.required = true});
+  visit("text", p.text, {.required = true, .doc = "the note"});
   visit("time_s", p.time, {.unit = "s", .min = 0, .doc = "moment of the recording that it concerns"});
 }
 struct ImportParams {
   std::string name{};
-  CsvImport import{};
+  recordings::CsvImport import{};
 };
 template <class Visitor>
 void describe(Visitor& visit, ImportParams& p) {
@@ -137,26 +138,41 @@ void describe(Visitor& visit, Exported& e) {
   visit("bytes", e.bytes, {.unit = "B"});
 }
 
-RecordingRow row_of(const fs::path& path) {
-  RecordingRow row{.name = path.stem().string()};
+const std::vector<ErrorCode> view_errors{ErrorCode::not_found, ErrorCode::bad_recording,
+                                         ErrorCode::limit_exceeded, ErrorCode::io_error,
+                                         ErrorCode::cancelled};
+const std::vector<ErrorCode> change_errors{ErrorCode::not_found, ErrorCode::busy,
+                                           ErrorCode::bad_state, ErrorCode::bad_recording,
+                                           ErrorCode::io_error,  ErrorCode::disk_full};
+
+RecordingRow row_of(const std::string& path, const recordings::SummaryOrError& read) {
+  RecordingRow row{.name = fs::path(path).stem().string()};
   std::error_code failure;
-  row.bytes = static_cast<std::int64_t>(fs::file_size(recordings::present_file(path.string()), failure));
-  try {
-    const auto s = recordings::read_summary(path.string());
-    row.title = s.header.title;
-    row.protocol = text_at(s.header.protocol, "name");
-    row.model = text_at(s.header.model, "name");
-    row.device = text_at(s.header.device, "driver");
-    row.start_time = s.header.start_time;
-    row.duration = s.duration;
-    row.rows = static_cast<std::int64_t>(s.rows);
-    row.status = s.status;
-    row.reason = s.reason;
-  } catch (const Error& error) {
+  row.bytes = static_cast<std::int64_t>(fs::file_size(recordings::present_file(path), failure));
+  if (const auto* error = std::get_if<Error>(&read)) {
     row.status = "unreadable";
-    row.reason = error.message();
+    row.reason = error->problems().empty() ? error->message() : error->problems().front().message;
+    return row;
   }
+  const auto& s = std::get<recordings::Summary>(read);
+  row.title = s.header.title;
+  row.protocol = text_at(s.header.protocol, "name");
+  row.model = text_at(s.header.model, "name");
+  row.device = text_at(s.header.device, "driver");
+  row.start_time = s.header.start_time;
+  row.duration = s.duration;
+  row.rows = static_cast<std::int64_t>(s.rows);
+  row.status = s.status;
+  row.reason = s.reason;
   return row;
+}
+
+std::vector<RecordingRow> rows_of(const std::vector<std::string>& paths) {
+  const auto read = recordings::read_summaries(paths);
+  std::vector<RecordingRow> out;
+  out.reserve(paths.size());
+  for (std::size_t i = 0; i < paths.size(); ++i) out.push_back(row_of(paths[i], read[i]));
+  return out;
 }
 
 json info_of(const fs::path& path) {
@@ -185,8 +201,27 @@ json info_of(const fs::path& path) {
           {"device", h.device}};
 }
 
-json columns_of(const fs::path& path, const ReadParams& p) {
-  const auto recording = recordings::read_recording(path.string());
+// All of a recording, for a view of it; what is too long for that is the file's business. So no view takes
+// more than this memory, and the time that goes with it.
+recordings::Recording read_to_view(Engine& engine, const std::string& name) {
+  constexpr std::uint64_t most_bytes = std::uint64_t{1} << 30;
+  const auto path = engine.store().recording(name).string();
+  const auto summary = recordings::read_summary(path);
+  const auto row = sizeof(double) * (1 + summary.channels.size());
+  if (summary.rows > most_bytes / row)
+    throw Error(
+        ErrorCode::limit_exceeded, "the recording is too long to be looked at here",
+        Problem{.path = "/name",
+                .message = "has too many rows",
+                .given = summary.rows,
+                .allowed = {{"to", most_bytes / row}},
+                .unit = "rows",
+                .hint = "get the file, /recordings/" + name + ".h5, and look at it with your own program"});
+  return recordings::read_recording(path);
+}
+
+json columns_of(Engine& engine, const ReadParams& p) {
+  const auto recording = read_to_view(engine, p.name);
   const auto first = std::min<std::size_t>(static_cast<std::size_t>(p.first), recording.size());
   const auto rows = std::min<std::size_t>(p.rows ? static_cast<std::size_t>(*p.rows) : recording.size(),
                                           recording.size() - first);
@@ -228,56 +263,138 @@ fs::path at_rest(Engine& engine, const std::string& name) {
   return path;
 }
 
+// Of what info_of() gives.
+json info_schema() {
+  using namespace schema;
+  return object({{"name", text()},
+                 {"path", text("on the daemon's machine")},
+                 {"title", text()},
+                 {"status", text("running, complete, aborted or recovered")},
+                 {"reason", text()},
+                 {"start_time", text("ISO 8601")},
+                 {"end_time", text("ISO 8601")},
+                 {"identifier", text()},
+                 {"run_seed", or_null(whole())},
+                 {"rows", whole()},
+                 {"duration_s", number("s")},
+                 {"channels", list_of(text())},
+                 {"segments", whole("how many")},
+                 {"events", whole("how many")},
+                 {"specimen", any_object()},
+                 {"load", any_object()},
+                 {"protocol", or_null(any_object())},
+                 {"model", or_null(any_object())},
+                 {"device", or_null(any_object("what it says of itself"))}});
+}
+
+// A table of a report: rows by the keys of its columns.
+json report_schema() {
+  using namespace schema;
+  const auto table =
+      object({{"title", text()}, {"rows", list_of(any_object())}, {"notes", list_of(text())}}, any());
+  return object({{"title", text()},
+                 {"facts", map_of(text())},
+                 {"content", text("the whole report, in a format other than json")}},
+                table);
+}
+
+json comparison_schema() {
+  using namespace schema;
+  const auto values = list_of(object({{"place", text("in the file")}, {"a", any()}, {"b", any()}}));
+  return object(
+      {{"same_samples", truth()},
+       {"columns",
+        list_of(object(
+            {{"dataset", text("in the file")},
+             {"unit", text()},
+             {"in_a", truth()},
+             {"in_b", truth()},
+             {"rows_a", whole()},
+             {"rows_b", whole()},
+             {"rms", or_null(number("", "in the unit"))},
+             {"maximum", or_null(number("", "in the unit"))},
+             {"unequal", whole("rows")},
+             {"identical", truth()},
+             {"first", object({{"row", whole()}, {"a", or_null(number())}, {"b", or_null(number())}})}}))},
+       {"tables", values},
+       {"header", values}});
+}
+
+void demand_free(const fs::path& path) {
+  if (Store::is_taken(path))
+    throw Error(ErrorCode::busy, "a recording of this name is there already",
+                Problem{.path = "/name", .given = path.stem().string(), .hint = "choose another name"});
+}
+
 void add_changes(Dispatcher& rpc, Engine& engine) {
   rpc.add<RecordingName>(
       {.name = "recording.export",
        .doc = "Writes the samples as CSV beside the recording.",
-       .role = Role::control},
+       .role = Role::control,
+       .lane = Lane::heavy,
+       .errors = change_errors},
       [&engine](const RecordingName& p) {
         const auto path = engine.store().recording(p.name);
         const auto out = fs::path(path).replace_extension(".csv");
-        std::ofstream file(out);
-        recordings::export_csv(recordings::read_recording(path.string()), file);
-        file.close();
-        if (!file) throw Error(ErrorCode::io_error, "the CSV file cannot be written");
+        recordings::NewFile file(out.string(), recordings::Existing::replace);
+        recordings::FileStream text(file);
+        recordings::export_csv(recordings::read_recording(path.string()), text);
+        text.flush();
+        file.put();
         return Exported{out.filename().string(), out.string(), static_cast<std::int64_t>(fs::file_size(out))};
       });
   rpc.add<ImportParams>({.name = "recording.import",
                          .doc = "Makes a recording of a CSV text with a column map.",
-                         .role = Role::control},
+                         .role = Role::control,
+                         .lane = Lane::heavy,
+                         .errors = change_errors},
                         [&engine](const ImportParams& p) {
                           check_name(p.name, "/name");
                           const auto path = engine.store().recordings() / (p.name + ".h5");
-                          if (Store::is_taken(path))
-                            throw Error(
-                                ErrorCode::busy, "a recording of this name is there already",
-                                Problem{.path = "/name", .given = p.name, .hint = "choose another name"});
-                          recordings::write_recording(path.string(), read_csv(p.import));
-                          return row_of(path);
+                          demand_free(path);
+                          const auto recording = recordings::import_csv(p.import);
+                          try {
+                            recordings::write_recording(path.string(), recording, recordings::Existing::keep);
+                          } catch (const recordings::NameTaken&) {  // by another import, just now
+                            demand_free(path);
+                            throw;
+                          }
+                          return rows_of({path.string()}).front();
                         });
-  rpc.add<AnnotateParams>(
-      {.name = "recording.annotate", .doc = "Adds a note to a recording's events.", .role = Role::control},
-      [&engine](const AnnotateParams& p) {
-        const auto path = at_rest(engine, p.name);
-        auto recording = recordings::read_recording(path.string());
-        recording.events.push_back({p.time, "note", p.text});
-        recordings::write_recording(path.string(), recording);
-        return row_of(path);
-      });
+  rpc.add<AnnotateParams>({.name = "recording.annotate",
+                           .doc = "Adds a note to a recording's events.",
+                           .role = Role::control,
+                           .lane = Lane::heavy,
+                           .errors = change_errors},
+                          [&engine](const AnnotateParams& p) {
+                            const auto path = at_rest(engine, p.name);
+                            recordings::change_recording(
+                                path.string(), [&p](recordings::Recording& recording) {
+                                  recording.events.push_back({p.time, "note", p.text});
+                                });
+                            return rows_of({path.string()}).front();
+                          });
   rpc.add<RecoverParams>({.name = "recording.recover",
                           .doc = "Makes the files of runs that broke off, as each start of the daemon does.",
-                          .role = Role::control},
+                          .role = Role::control,
+                          .lane = Lane::heavy,
+                          .errors = change_errors},
                          [&engine](const RecoverParams& p) {
                            std::vector<std::string> paths;
-                           if (p.name.empty())
+                           if (p.name.empty()) {
+                             recordings::remove_leftovers(engine.store().folder().string());
                              paths = recordings::find_broken(engine.store().recordings().string());
-                           else
+                           } else {
                              paths.push_back(engine.store().recording(p.name).string());
+                           }
                            RecoveryList out;
                            for (const auto& path : paths) out.recordings.push_back(recover(path));
                            return out;
                          });
-  rpc.add<RecordingName>({.name = "recording.delete", .doc = "Deletes a recording.", .role = Role::control},
+  rpc.add<RecordingName>({.name = "recording.delete",
+                          .doc = "Deletes a recording.",
+                          .role = Role::control,
+                          .errors = change_errors},
                          [&engine](const RecordingName& p) {
                            recordings::remove_recording(engine.store().recording(p.name).string());
                          });
@@ -286,31 +403,38 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
 }  // namespace
 
 void add_recording_methods(Dispatcher& rpc, Engine& engine) {
-  const json object{{"type", "object"}};
-  rpc.add<NoParams>({.name = "recording.list", .doc = "The recordings of this bench."},
+  rpc.add<NoParams>({.name = "recording.list",
+                     .doc = "The recordings of this bench.",
+                     .lane = Lane::heavy,
+                     .errors = {ErrorCode::io_error}},
                     [&engine](const NoParams&) {
-                      RecordingList out;
+                      std::vector<std::string> paths;
                       for (const auto& name : engine.store().recording_names())
-                        out.recordings.push_back(row_of(engine.store().recordings() / (name + ".h5")));
-                      return out;
+                        paths.push_back((engine.store().recordings() / (name + ".h5")).string());
+                      return RecordingList{rows_of(paths)};
                     });
   rpc.add<RecordingName>(
       {.name = "recording.info",
        .doc = "All that a recording says beside its samples.",
-       .result_schema = object},
+       .lane = Lane::heavy,
+       .errors = view_errors,
+       .result_schema = info_schema()},
       [&engine](const RecordingName& p) { return info_of(engine.store().recording(p.name)); });
   rpc.add<ReadParams>(
       {.name = "recording.read",
        .doc = "Samples to draw, in SI: {time, <channel>: {first, min, max}}. For all of them, get the file.",
-       .result_schema = object},
-      [&engine](const ReadParams& p) { return columns_of(engine.store().recording(p.name), p); });
+       .lane = Lane::heavy,
+       .errors = view_errors,
+       .result_schema = schema::stretches()},
+      [&engine](const ReadParams& p) { return columns_of(engine, p); });
   rpc.add<ReportParams>({.name = "recording.report",
                          .doc = "Stroke, hysteresis, creep, rates and minor loops.",
-                         .result_schema = object},
+                         .lane = Lane::heavy,
+                         .errors = view_errors,
+                         .result_schema = report_schema()},
                         [&engine](const ReportParams& p) {
                           const auto format = recordings::format_from_name(p.format);
-                          const auto recording =
-                              recordings::read_recording(engine.store().recording(p.name).string());
+                          const auto recording = read_to_view(engine, p.name);
                           auto content = render(make_report(recording), recording, format);
                           return format == recordings::Format::json ? json::parse(content)
                                                                     : json{{"content", std::move(content)}};
@@ -318,10 +442,11 @@ void add_recording_methods(Dispatcher& rpc, Engine& engine) {
   rpc.add<RecordingPair>(
       {.name = "recording.compare",
        .doc = "Two recordings: rms, maximum and first difference of each channel, and what else differs.",
-       .result_schema = object},
+       .lane = Lane::heavy,
+       .errors = view_errors,
+       .result_schema = comparison_schema()},
       [&engine](const RecordingPair& p) {
-        return to_json(compare(recordings::read_recording(engine.store().recording(p.a).string()),
-                               recordings::read_recording(engine.store().recording(p.b).string())));
+        return to_json(compare(read_to_view(engine, p.a), read_to_view(engine, p.b)));
       });
   add_changes(rpc, engine);
 }

@@ -61,39 +61,58 @@ void describe(Visitor& visit, RunList& l) {
   visit("runs", l.runs, {.required = true, .doc = "since the daemon started, newest first"});
 }
 
+const std::vector<ErrorCode> start_errors{
+    ErrorCode::busy,           ErrorCode::bad_state,      ErrorCode::not_found,
+    ErrorCode::bad_protocol,   ErrorCode::bad_model,      ErrorCode::bad_recording,
+    ErrorCode::limit_exceeded, ErrorCode::interlock_open, ErrorCode::device_unavailable,
+    ErrorCode::device_lost,    ErrorCode::io_error,       ErrorCode::disk_full,
+    ErrorCode::numerical};
+
 }  // namespace
 
 void add_run_methods(Dispatcher& rpc, Engine& engine) {
   rpc.add<RunRequest>({.name = "run.start",
                        .doc = "Checks a program against the limits, starts it and returns at once.",
-                       .role = Role::control},
+                       .role = Role::control,
+                       .errors = start_errors},
                       [&engine](const RunRequest& request) { return engine.start(request); });
-  rpc.add<RunParams>({.name = "run.status", .doc = "State, progress and time left."},
+  rpc.add<RunParams>({.name = "run.status",
+                      .doc = "State, progress and time left.",
+                      .lane = Lane::urgent,
+                      .errors = {ErrorCode::not_found}},
                      [&engine](const RunParams& p) { return engine.status(p.run); });
   rpc.add<RunParams>({.name = "run.pause",
                       .doc = "Waits in the next hold, which gets longer; samples keep coming.",
-                      .role = Role::control},
+                      .role = Role::control,
+                      .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
                      [&engine](const RunParams& p) {
                        engine.pause(p.run);
                        return engine.status(p.run);
                      });
-  rpc.add<RunParams>({.name = "run.resume", .doc = "Goes on after a pause.", .role = Role::control},
+  rpc.add<RunParams>({.name = "run.resume",
+                      .doc = "Goes on after a pause.",
+                      .role = Role::control,
+                      .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
                      [&engine](const RunParams& p) {
                        engine.resume(p.run);
                        return engine.status(p.run);
                      });
   rpc.add<AbortParams>(
       {.name = "run.abort",
-       .doc = "The emergency stop: the output ramps to zero; without a run's id that of a self-test too. For "
-              "everybody, whoever holds the lease.",
-       .role = Role::stop},
+       .doc = "The emergency stop: the output ramps to zero at stop_slew; asked for a second time, at slew. "
+              "Without a run's id a self-test is stopped too. For everybody, whoever holds the lease.",
+       .role = Role::stop,
+       .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
       [&engine](const AbortParams& p, CallContext& caller) {
-        engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason));
+        if (caller.again && is_over(engine.status(p.run).state)) return engine.status(p.run);
+        engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason),
+                     caller.again);
         return engine.status(p.run);
       });
   rpc.add<ReplayRequest>({.name = "replay.start",
                           .doc = "Runs a recording again as it was measured, into a new recording.",
-                          .role = Role::control},
+                          .role = Role::control,
+                          .errors = start_errors},
                          [&engine](const ReplayRequest& r) { return engine.start(run_of(r)); });
   rpc.add<NoParams>({.name = "run.list", .doc = "The runs since the daemon started."},
                     [&engine](const NoParams&) { return RunList{engine.runs()}; });

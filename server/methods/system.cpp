@@ -27,6 +27,7 @@ void describe(Visitor& visit, SystemInfo& s) {
 // Every limit, but none of them needed.
 struct LimitsChange {
   std::map<std::string, std::optional<double>, std::less<>> named{};
+  std::string reason{};
 };
 template <class Visitor>
 void describe(Visitor& visit, LimitsChange& change) {
@@ -35,6 +36,8 @@ void describe(Visitor& visit, LimitsChange& change) {
   };
   daq::Limits all;
   describe(each, all);
+  visit("reason", change.reason,
+        {.doc = "told with the change; wanted where a stop may take longer than 10 s"});
 }
 
 struct JobParams {
@@ -43,6 +46,14 @@ struct JobParams {
 template <class Visitor>
 void describe(Visitor& visit, JobParams& p) {
   visit("job", p.job, {.required = true, .doc = "id of a job or a run"});
+}
+
+struct JobList {
+  std::vector<JobStatus> jobs{};
+};
+template <class Visitor>
+void describe(Visitor& visit, JobList& l) {
+  visit("jobs", l.jobs, {.required = true, .doc = "a run is a job as well, and stands in run.list"});
 }
 
 struct LeaseParams {
@@ -100,21 +111,31 @@ JobStatus as_job(const RunStatus& run) {
 }
 
 void add_jobs(Dispatcher& rpc, Engine& engine) {
-  rpc.add<JobParams>(
-      {.name = "job.status", .doc = "How far a job is, and its result. Every run is a job as well."},
-      [&engine](const JobParams& p) {
-        return engine.jobs().knows(p.job) ? engine.jobs().status(p.job) : as_job(engine.status(p.job));
-      });
-  rpc.add<JobParams>(
-      {.name = "job.cancel", .doc = "Cancels a job; a run stops safely.", .role = Role::control},
-      [&engine](const JobParams& p) {
-        if (engine.jobs().knows(p.job)) {
-          engine.jobs().cancel(p.job);
-          return engine.jobs().status(p.job);
-        }
-        engine.abort(p.job, "cancelled by a client");
-        return as_job(engine.status(p.job));
-      });
+  rpc.add<NoParams>({.name = "job.list", .doc = "The jobs of this daemon, newest first, without results."},
+                    [&engine](const NoParams&) {
+                      JobList out{engine.jobs().list()};
+                      for (auto& job : out.jobs) job.result = nullptr;
+                      return out;
+                    });
+  rpc.add<JobParams>({.name = "job.status",
+                      .doc = "How far a job is, and its result. Every run is a job as well.",
+                      .errors = {ErrorCode::not_found}},
+                     [&engine](const JobParams& p) {
+                       return engine.jobs().knows(p.job) ? engine.jobs().status(p.job)
+                                                         : as_job(engine.status(p.job));
+                     });
+  rpc.add<JobParams>({.name = "job.cancel",
+                      .doc = "Cancels a job; a run stops safely.",
+                      .role = Role::control,
+                      .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
+                     [&engine](const JobParams& p) {
+                       if (engine.jobs().knows(p.job)) {
+                         engine.jobs().cancel(p.job);
+                         return engine.jobs().status(p.job);
+                       }
+                       engine.abort(p.job, "cancelled by a client");
+                       return as_job(engine.status(p.job));
+                     });
 }
 
 void add_leases(Dispatcher& rpc, Engine& engine) {
@@ -122,21 +143,28 @@ void add_leases(Dispatcher& rpc, Engine& engine) {
                           .doc = "Makes the caller the only one who may control. Another connection may "
                                  "lease.present it, by HTTP as the field Ferrobench-Lease. Anybody may still "
                                  "run.abort.",
-                          .audited = true},
+                          .audited = true,
+                          .errors = {ErrorCode::not_controller}},
                          [&engine](const AcquireParams& p, CallContext& caller) {
                            return engine.lease().acquire(caller, p.seconds, p.stop_run);
                          });
-  rpc.add<PresentParams>(
-      {.name = "lease.present", .doc = "Lets this connection control as well, as long as the lease lasts."},
-      [&engine](const PresentParams& p, CallContext& caller) {
-        return engine.lease().present(caller, p.lease);
-      });
-  rpc.add<LeaseParams>({.name = "lease.renew", .doc = "Keeps the lease for another while."},
+  rpc.add<PresentParams>({.name = "lease.present",
+                          .doc = "Lets this connection control as well, as long as the lease lasts.",
+                          .errors = {ErrorCode::not_controller}},
+                         [&engine](const PresentParams& p, CallContext& caller) {
+                           return engine.lease().present(caller, p.lease);
+                         });
+  rpc.add<LeaseParams>({.name = "lease.renew",
+                        .doc = "Keeps the lease for another while.",
+                        .errors = {ErrorCode::not_controller}},
                        [&engine](const LeaseParams& p, CallContext& caller) {
                          return engine.lease().renew(caller, p.lease, p.seconds);
                        });
   rpc.add<ReleaseParams>(
-      {.name = "lease.release", .doc = "Gives the lease back.", .audited = true},
+      {.name = "lease.release",
+       .doc = "Gives the lease back.",
+       .audited = true,
+       .errors = {ErrorCode::not_controller}},
       [&engine](const ReleaseParams& p, CallContext& caller) { engine.lease().release(caller, p.lease); });
   rpc.add<NoParams>({.name = "lease.status", .doc = "Who controls, if anybody."},
                     [&engine](const NoParams&) { return engine.lease().status(); });
@@ -158,9 +186,12 @@ void add_system_methods(Dispatcher& rpc, Engine& engine) {
                     [&engine](const NoParams&) { return engine.limits(); });
   rpc.add<LimitsChange>({.name = "limits.set",
                          .doc = "Sets the limits named; the others stay as they are. Not during a run.",
-                         .role = Role::control},
+                         .role = Role::control,
+                         .errors = {ErrorCode::busy, ErrorCode::bad_state}},
                         [&engine](const LimitsChange& change) {
-                          engine.set_limits(write_json(change));
+                          auto named = write_json(change);
+                          named.erase("reason");
+                          engine.set_limits(named, change.reason);
                           return engine.limits();
                         });
   add_jobs(rpc, engine);
@@ -175,6 +206,7 @@ void add_all_methods(Dispatcher& rpc, Engine& engine) {
   add_recording_methods(rpc, engine);
   add_model_methods(rpc, engine);
   add_discrepancy_methods(rpc, engine);
+  add_table_methods(rpc, engine);
   add_subscription_methods(rpc, engine.hub());
   add_discovery(rpc, engine.hub(), std::string(recordings::software_version()));
   rpc.set_gate(

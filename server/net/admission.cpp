@@ -74,7 +74,7 @@ std::string_view cookie_value(std::string_view cookies, std::string_view name) {
 bool is_json(std::string_view content_type) {
   auto type = lower(content_type.substr(0, content_type.find(';')));
   type.erase(type.find_last_not_of(" \t") + 1);
-  return type == "application/json";
+  return type == "application/json" || type == "application/json-rpc";
 }
 
 constexpr std::string_view recordings_prefix = "/recordings/";
@@ -100,8 +100,19 @@ std::string Admission::cookie_name() const {
   return "ferrobench_" + std::to_string(port_);
 }
 
-std::string Admission::cookie() const {
-  return cookie_name() + "=" + token_ + "; Path=/; HttpOnly; SameSite=Strict" + (tls_ ? "; Secure" : "");
+std::string Admission::sign_in() {
+  if (sessions_.size() == most_sessions) sessions_.pop_front();
+  sessions_.push_back({random_secret(), Clock::now() + session_lifetime});
+  const auto seconds = std::chrono::seconds(session_lifetime).count();
+  return cookie_name() + "=" + sessions_.back().secret + "; Path=/; Max-Age=" + std::to_string(seconds) +
+         "; HttpOnly; SameSite=Strict" + (tls_ ? "; Secure" : "");
+}
+
+bool Admission::shows_session(const RequestHead& head) const {
+  const auto given = cookie_value(head.cookie, cookie_name());
+  return std::ranges::any_of(sessions_, [&](const SignedIn& session) {
+    return equal_secret(given, session.secret) && Clock::now() < session.end;
+  });
 }
 
 bool Admission::shows_token(const RequestHead& head, std::string_view query) const {
@@ -109,8 +120,7 @@ bool Admission::shows_token(const RequestHead& head, std::string_view query) con
   const std::string_view authorization = head.authorization;
   if (lower(authorization.substr(0, scheme.size())) == scheme)
     return equal_secret(authorization.substr(scheme.size()), token_);
-  return equal_secret(cookie_value(head.cookie, cookie_name()), token_) ||
-         equal_secret(query_value(query, "token"), token_);
+  return shows_session(head) || equal_secret(query_value(query, "token"), token_);
 }
 
 std::variant<Admitted, Refusal> Admission::admit(const RequestHead& head) const {

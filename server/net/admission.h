@@ -5,7 +5,9 @@
 // to loopback has the wrong Host), path, method, token, content type.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <deque>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -54,16 +56,29 @@ class Admission {
             bool tls = false);
 
   std::variant<Admitted, Refusal> admit(const RequestHead& head) const;
-  // What the page keeps instead of the token in its address. Cookies do not tell ports apart, hence the name.
-  std::string cookie() const;
+  // Begins a session of the page, and gives the cookie that stands for it. Browsers send it to the other
+  // ports of this host as well; so it is not the token, has the port in its name, and ends by itself. So many
+  // sessions are kept; then the oldest ends.
+  std::string sign_in();
   std::string cookie_name() const;
 
+  static constexpr std::chrono::hours session_lifetime{7 * 24};
+  static constexpr std::size_t most_sessions = 64;
+
  private:
+  using Clock = std::chrono::steady_clock;
+  struct SignedIn {
+    std::string secret;
+    Clock::time_point end;
+  };
+
   bool shows_token(const RequestHead& head, std::string_view query) const;
+  bool shows_session(const RequestHead& head) const;
 
   std::string token_;
   std::uint16_t port_;
   bool tls_;
+  std::deque<SignedIn> sessions_;   // the oldest first
   std::vector<std::string> hosts_;  // "name:port", lower case
 };
 

@@ -7,19 +7,39 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
 #include <system_error>
+
+#include "recordings/durable_file.h"
 
 namespace ferrobench::server {
 namespace {
 
 constexpr std::size_t most_params = 2000;  // bytes
 
-// Before anything is in it: there is no moment in which others may read it.
+// Before anything is in it: there is no moment in which others may read it. A link that lies there gets no
+// line, and a pipe without a reader is not waited for.
 void make_private(const std::string& file) {
-  const int fd = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (fd < 0) return;  // opening it will say so
+  const int fd =
+      ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
+  if (fd < 0) throw std::system_error(errno, std::generic_category(), file);
   static_cast<void>(fchmod(fd, 0600));
   close(fd);
+}
+
+// Where a full disk has taken the first bytes of a line only: the next line is not to be lost with it.
+void cut_to_whole_lines(const std::string& file) {
+  const recordings::Descriptor f(::open(file.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  struct stat info {};
+  if (!f || fstat(f.get(), &info) != 0 || !S_ISREG(info.st_mode)) return;
+  constexpr off_t longest = 1 << 16;  // of a line
+  const auto from = std::max<off_t>(0, info.st_size - longest);
+  std::string end(static_cast<std::size_t>(info.st_size - from), '\0');
+  if (pread(f.get(), end.data(), end.size(), from) != static_cast<ssize_t>(end.size())) return;
+  const auto whole = end.rfind('\n') + 1;  // 0 if there is none
+  if (whole < end.size()) static_cast<void>(ftruncate(f.get(), from + static_cast<off_t>(whole)));
 }
 
 void hide(std::string& line, std::string_view secret) {
@@ -46,14 +66,19 @@ class Audit::File {
                                                   spdlog::async_overflow_policy::overrun_oldest);
     log_->set_pattern(R"({"time":"%Y-%m-%dT%H:%M:%S.%eZ",%v)", spdlog::pattern_time_type::utc);
     log_->flush_on(spdlog::level::info);
+    log_->set_error_handler([this, file = path.string()](const std::string&) {  // by the thread that writes
+      ++failed_;
+      cut_to_whole_lines(file);
+    });
   }
 
   void write(const std::string& line) {
     log_->info(std::string_view(line).substr(1));
   }  // the time comes first
-  std::uint64_t lost() const { return writer_->overrun_counter(); }
+  std::uint64_t lost() const { return writer_->overrun_counter() + failed_; }
 
  private:
+  std::atomic<std::uint64_t> failed_ = 0;
   std::shared_ptr<spdlog::async_logger> log_;
   std::shared_ptr<spdlog::details::thread_pool> writer_;  // ends first: writes what waits
 };

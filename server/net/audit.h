@@ -6,8 +6,8 @@
 //
 // Two files, so that a stranger who is refused a million times pushes out nothing but his own lines. They are
 // only appended to; at `max_bytes` a file becomes calls.1.jsonl and so on, and the oldest goes. A thread of
-// each file writes; where the disk falls behind, the oldest lines that wait are lost and counted, and nobody
-// ever waits.
+// each file writes; where the disk falls behind, the oldest lines that wait are lost, and where it takes no
+// more, the line; both are counted, and nobody ever waits.
 #pragma once
 
 #include <cstdint>

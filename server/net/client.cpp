@@ -49,8 +49,28 @@ ErrorCode code_of(int rpc_code, const std::string& name) {
 }
 
 Error error_of(const json& error) {
+  return failure_of(text_at(error, "message"), error.value("data", json::object()),
+                    error.value("code", -32603));
+}
+
+// Whoever can write to the folder can listen there, and would be told what is to be done, and could answer
+// anything.
+void demand_trusted(int fd, const std::string& unix_socket) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && (peer.uid == geteuid() || peer.uid == 0))
+    return;
+  throw Error(ErrorCode::unauthorized, "another user's program answers in the daemon's place",
+              Problem{.message = "belongs to user " + std::to_string(peer.uid),
+                      .given = unix_socket,
+                      .allowed = "user " + std::to_string(geteuid()) + " or root",
+                      .hint = "use a data folder that only you can write to (--data), or call as that user"});
+}
+
+}  // namespace
+
+Error failure_of(const std::string& message, const json& data, int rpc_code) {
   std::vector<Problem> problems;
-  const auto data = error.value("data", json::object());
   if (data.is_object() && data.contains("problems") && data["problems"].is_array())
     for (const auto& p : data["problems"])
       if (p.is_object())
@@ -60,15 +80,15 @@ Error error_of(const json& error) {
                             .allowed = p.value("allowed", json(nullptr)),
                             .unit = text_at(p, "unit"),
                             .hint = text_at(p, "hint")});
-  const auto name = data.is_object() ? text_at(data, "name") : std::string{};
-  return {code_of(error.value("code", -32603), name), text_at(error, "message"), std::move(problems)};
+  return {code_of(rpc_code, text_at(data, "name")), message, std::move(problems)};
 }
-
-}  // namespace
 
 std::optional<Client> Client::try_connect(const std::string& unix_socket) {
   const int fd = connect_unix(unix_socket);
-  return fd < 0 ? std::nullopt : std::optional(Client(fd));
+  if (fd < 0) return std::nullopt;
+  Client client(fd);
+  demand_trusted(fd, unix_socket);
+  return client;
 }
 
 Client Client::connect(const std::string& unix_socket) {

@@ -17,9 +17,13 @@ struct Notification {
   nlohmann::json params;
 };
 
+// The Error that a daemon told of: by {name, problems}, where the name is one of the table, else by the code.
+Error failure_of(const std::string& message, const nlohmann::json& data, int rpc_code = -32603);
+
 class Client {
  public:
-  // Throws Error(device_unavailable) if no daemon listens there.
+  // Throws Error(device_unavailable) if no daemon listens there, Error(unauthorized) if another user's
+  // program does (root's may).
   static Client connect(const std::string& unix_socket);
   // Nothing if no daemon listens there.
   static std::optional<Client> try_connect(const std::string& unix_socket);
@@ -51,7 +55,7 @@ class Client {
 struct Remote {
   std::string url;  // "https://bench.lab:8377"
   std::string ca;   // PEM file of the certificate that its own is signed by, or of its own; "": the system's
-  std::string token;  // of that daemon
+  std::string token;    // of that daemon
   std::string lease{};  // presented unless ""
 };
 

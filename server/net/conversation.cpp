@@ -6,7 +6,7 @@
 namespace ferrobench::server {
 namespace {
 
-constexpr std::size_t inbox_size = 16;
+constexpr std::size_t inbox_size = 256;  // texts, and no more bytes than the longest may have
 
 }  // namespace
 
@@ -31,8 +31,34 @@ void Conversation::begin() {
 
 void Conversation::received(std::string text) {
   reading_ = false;
-  inbox_.push_back(std::move(text));
+  Waiting next{.text = std::move(text)};
+  if ((calling_ || !inbox_.empty() || !replies_.empty()) && !overtaking_) {
+    const auto asked = service_.dispatcher.look(next.text);
+    next.again = asked.stop;
+    next.silent = asked.stop && asked.alone;
+    if (asked.stop) overtake(next);
+  }
+  inbox_bytes_ += next.text.size();
+  inbox_.push_back(std::move(next));
   pump();
+}
+
+// With a context of its own, since another call may be using this connection's.
+void Conversation::overtake(const Waiting& stop) {
+  overtaking_ = true;
+  auto context = std::make_shared<CallContext>(
+      CallContext{.client = context_->client, .lease = "", .subscriber = nullptr});
+  service_.run(
+      Lane::urgent,
+      [&dispatcher = service_.dispatcher, text = stop.text, context = std::move(context)] {
+        return dispatcher.handle(text, *context, Part::stops);
+      },
+      [self = shared_from_this(), answered = stop.silent](std::optional<std::string> reply) {
+        self->overtaking_ = false;
+        if (reply && answered)
+          self->replies_.push_back(std::make_shared<const std::string>(std::move(*reply)));
+        self->pump();
+      });
 }
 
 void Conversation::written() {
@@ -54,13 +80,14 @@ void Conversation::broken() {
 void Conversation::farewell(std::string text) {
   reading_ = false;
   last_ = true;
-  reply_ = std::make_shared<const std::string>(std::move(text));
+  replies_.push_back(std::make_shared<const std::string>(std::move(text)));
   pump();
 }
 
 void Conversation::stop() {
   last_ = true;
   inbox_.clear();
+  inbox_bytes_ = 0;
   pump();
 }
 
@@ -71,7 +98,7 @@ void Conversation::finish(const std::string& why) {
     context_->subscriber->close();
   }
   if (service_.content.disconnected && !service_.stopping)
-    boost::asio::post(service_.workers,
+    boost::asio::post(service_.usual,
                       [tell = service_.content.disconnected, gone = context_] { tell(*gone); });
   hang_up(why, sending_ != nullptr);
 }
@@ -79,24 +106,29 @@ void Conversation::finish(const std::string& why) {
 void Conversation::pump() {
   if (finished_) return;
   if (context_->subscriber->closed()) return finish("too slow: too many notifications were lost");
-  if (!reading_ && !last_ && inbox_.size() < inbox_size) {
+  if (!reading_ && !last_ && inbox_.size() < inbox_size && inbox_bytes_ < service_.options.max_body_bytes) {
     reading_ = true;
     read();
   }
-  if (!calling_ && !reply_ && !inbox_.empty()) {
+  if (!calling_ && replies_.empty() && !inbox_.empty() && !(overtaking_ && inbox_.front().again)) {
     calling_ = true;
-    auto text = std::move(inbox_.front());
+    auto next = std::move(inbox_.front());
     inbox_.pop_front();
-    service_.call(std::move(text), context_, [self = shared_from_this()](std::optional<std::string> reply) {
-      self->calling_ = false;
-      if (reply) self->reply_ = std::make_shared<const std::string>(std::move(*reply));
-      self->pump();
-    });
+    inbox_bytes_ -= next.text.size();
+    context_->again = next.again;
+    service_.call(std::move(next.text), context_,
+                  [self = shared_from_this(), silent = next.silent](std::optional<std::string> reply) {
+                    self->calling_ = false;
+                    if (reply && !silent)
+                      self->replies_.push_back(std::make_shared<const std::string>(std::move(*reply)));
+                    self->pump();
+                  });
   }
   if (sending_) return;
-  if (reply_) {
-    sending_ = std::exchange(reply_, nullptr);
-  } else if (last_ && !calling_ && inbox_.empty()) {
+  if (!replies_.empty()) {
+    sending_ = std::move(replies_.front());
+    replies_.pop_front();
+  } else if (last_ && !calling_ && !overtaking_ && inbox_.empty()) {
     return finish(service_.stopping ? "the daemon stops" : "");
   } else {
     sending_ = context_->subscriber->next();

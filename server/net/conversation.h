@@ -2,7 +2,8 @@
 // Unix socket differ only in how a text is read and written.
 //
 // One call at a time, and none while its predecessor's reply is unsent: a client that does not read is not
-// served.
+// served. But what stops the bench overtakes what was asked before it. It is carried out again in its turn,
+// as what was asked before it may have been a start.
 #pragma once
 
 #include <deque>
@@ -37,15 +38,23 @@ class Conversation : public Session, public std::enable_shared_from_this<Convers
   void farewell(std::string text);
 
  private:
+  struct Waiting {
+    std::string text{};
+    bool again = false;   // it has overtaken
+    bool silent = false;  // and was answered then
+  };
   void pump();
+  void overtake(const Waiting& stop);
   void finish(const std::string& why);
 
   std::shared_ptr<CallContext> context_;
-  std::deque<std::string> inbox_;
-  Subscriber::Text reply_;
+  std::deque<Waiting> inbox_;
+  std::size_t inbox_bytes_ = 0;
+  std::deque<Subscriber::Text> replies_;
   Subscriber::Text sending_;
   bool reading_ = false;
   bool calling_ = false;
+  bool overtaking_ = false;
   bool last_ = false;  // takes no further requests
   bool finished_ = false;
 };

@@ -44,16 +44,22 @@ bool asks_for_websocket(const http::request_header<>& request) {
          value_of(request, field::sec_websocket_key).size() == 24;
 }
 
+std::string address_of(const PlainStream& stream) {
+  error_code gone;
+  return stream.socket().remote_endpoint(gone).address().to_string();
+}
+
 // Stream: PlainStream or TlsStream.
 template <class Stream>
 class HttpSession final : public Session, public std::enable_shared_from_this<HttpSession<Stream>> {
  public:
   HttpSession(Service& service, Stream stream)
-      : Session(service), stream_(std::move(stream)), context_(std::make_shared<CallContext>()) {
+      : Session(service, address_of(beast::get_lowest_layer(stream))),
+        stream_(std::move(stream)),
+        context_(std::make_shared<CallContext>()) {
     error_code gone;
-    const auto peer = tcp().socket().remote_endpoint(gone);
-    context_->client =
-        (is_tls ? "https " : "http ") + peer.address().to_string() + " port " + std::to_string(peer.port());
+    context_->client = (is_tls ? "https " : "http ") + address() + " port " +
+                       std::to_string(tcp().socket().remote_endpoint(gone).port());
   }
 
   void start(bool full) {
@@ -85,6 +91,8 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
  private:
   static constexpr bool is_tls = std::is_same_v<Stream, TlsStream>;
   using Request = http::request_parser<http::string_body>;
+
+  void drop() override { tcp().close(); }
 
   auto self() { return this->shared_from_this(); }
   PlainStream& tcp() { return beast::get_lowest_layer(stream_); }
@@ -143,6 +151,7 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                            .upgrade = asks_for_websocket(request)};
     const auto decision = service_.admission->admit(head);
     if (const auto* refusal = std::get_if<Refusal>(&decision)) return refuse(*refusal);
+    trusted_ = true;
     const auto& [route, path] = std::get<Admitted>(decision);
     context_->lease = std::string(request["Ferrobench-Lease"]);
     switch (route) {
@@ -221,18 +230,19 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
     if (!service_.content.metrics) return refuse_path();
     tcp().expires_never();
     const Load load{service_.sessions.size(), service_.calls_waiting};
-    service_.run([&metrics = service_.content.metrics, load] { return metrics(load); },
-                 [self = self()](std::optional<std::string> text) {
-                   self->send_text(http::status::ok, "text/plain; version=0.0.4; charset=utf-8",
-                                   *std::move(text));
-                 });
+    service_.run(
+        Lane::usual, [&metrics = service_.content.metrics, load] { return metrics(load); },
+        [self = self()](std::optional<std::string> text) {
+          self->send_text(http::status::ok, "text/plain; version=0.0.4; charset=utf-8", *std::move(text));
+        });
   }
 
-  // The token leaves the address bar for a cookie that no script can read and no other site can send.
+  // The token leaves the address bar for a session of its own: a cookie that no script can read and no other
+  // site can send, and that is of no use for long.
   void sign_in() {
     auto response = make<http::string_body>(http::status::see_other);
     response.set(field::location, "/");
-    response.set(field::set_cookie, service_.admission->cookie());
+    response.set(field::set_cookie, service_.admission->sign_in());
     send(std::move(response));
   }
 
@@ -351,7 +361,8 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
 // A connection to the port that speaks TLS, until it does.
 class Greeting final : public Session, public std::enable_shared_from_this<Greeting> {
  public:
-  Greeting(Service& service, PlainStream stream) : Session(service), stream_(std::move(stream)) {}
+  Greeting(Service& service, PlainStream stream)
+      : Session(service, address_of(stream)), stream_(std::move(stream)) {}
 
   void start(bool full) {
     stream_.expires_after(service_.options.header_timeout);
@@ -361,9 +372,12 @@ class Greeting final : public Session, public std::enable_shared_from_this<Greet
       std::make_shared<HttpSession<PlainStream>>(self->service_, std::move(self->stream_))->refuse_plain();
     });
   }
-  void stop() override { beast::get_lowest_layer(tls_ ? tls_->next_layer() : stream_).cancel(); }
+  void stop() override { tcp().cancel(); }
 
  private:
+  void drop() override { tcp().close(); }
+  PlainStream& tcp() { return tls_ ? tls_->next_layer() : stream_; }
+
   void shake_hands(bool full) {
     tls_.emplace(std::move(stream_), *service_.tls);
     tls_->async_handshake(

@@ -1,7 +1,6 @@
 #include "server/net/options.h"
 
 #include <arpa/inet.h>
-#include <sys/un.h>
 
 namespace ferrobench::server {
 namespace {
@@ -44,12 +43,6 @@ std::vector<Problem> ServerOptions::validate() const {
                         .message = "is too short to be a secret",
                         .given = token.size(),
                         .allowed = "at least 32 characters"});
-  if (unix_socket.size() >= sizeof(sockaddr_un::sun_path))
-    problems.push_back({.path = "/unix_socket",
-                        .message = "is longer than a socket's path may be",
-                        .given = unix_socket,
-                        .allowed = sizeof(sockaddr_un::sun_path) - 1,
-                        .unit = "bytes"});
   if (worker_threads == 0 || worker_threads > 256)
     problems.push_back({.path = "/worker_threads",
                         .message = "is outside its range",
@@ -58,6 +51,18 @@ std::vector<Problem> ServerOptions::validate() const {
   if (max_connections == 0)
     problems.push_back({.path = "/max_connections", .message = "must be at least 1", .given = 0});
   return problems;
+}
+
+std::string ServerOptions::origin(std::uint16_t bound_port) const {
+  auto host = address;
+  if (reach_of(address) == Reach::remote && !extra_hosts.empty())
+    host = extra_hosts.front();
+  else if (address == "0.0.0.0")  // every address there is, which nobody can open
+    host = "127.0.0.1";
+  else if (address == "::")
+    host = "::1";
+  if (host.find(':') != std::string::npos) host = "[" + host + "]";
+  return (tls_certificate.empty() ? "http://" : "https://") + host + ":" + std::to_string(bound_port);
 }
 
 }  // namespace ferrobench::server

@@ -19,9 +19,9 @@ struct ServerOptions {
       extra_hosts;              // names ("bench.lab") that others reach it by, beside the loopback ones
   std::string unix_socket;      // path; "" for none
   std::string token;            // 64 hexadecimal digits, from load_or_create_token()
-  unsigned worker_threads = 4;  // calls under way at once
+  unsigned worker_threads = 4;  // calls under way at once; half of them serve what is heavy
   std::size_t max_connections =
-      64;  // by TCP; as many by the Unix socket, so that strangers keep nobody from it
+      64;  // by TCP; who has not shown the token gives way. As many by the Unix socket
   std::size_t max_body_bytes = 4u << 20;
   std::size_t max_header_bytes = 16u << 10;
   std::chrono::milliseconds header_timeout{
@@ -34,6 +34,9 @@ struct ServerOptions {
 
   // Everything wrong with the options, none if they are fine.
   std::vector<Problem> validate() const;
+  // What goes into a browser ("https://bench.lab:8377"): beyond loopback the first name that others reach it
+  // by.
+  std::string origin(std::uint16_t bound_port) const;
 };
 
 }  // namespace ferrobench::server

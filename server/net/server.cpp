@@ -12,6 +12,7 @@
 #include <thread>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "server/net/service.h"
 #include "server/net/unix_socket.h"
@@ -23,7 +24,8 @@ using asio::ip::tcp;
 using local = asio::local::stream_protocol;
 using boost::system::error_code;
 
-Session::Session(Service& service) : service_(service) {
+Session::Session(Service& service, std::string address)
+    : service_(service), address_(std::move(address)), number_(service.connections) {
   service_.sessions.insert(this);
 }
 
@@ -32,11 +34,29 @@ Session::~Session() {
 }
 
 Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
-    : dispatcher(d), hub(h), options(o), content(std::move(c)), tls(make_tls(o)), workers(o.worker_threads) {}
+    : dispatcher(d),
+      hub(h),
+      options(o),
+      content(std::move(c)),
+      tls(make_tls(o)),
+      usual((o.worker_threads + 1) / 2),
+      heavy(std::max(1u, o.worker_threads / 2)) {}
 
-void Service::run(Work work, Done done) {
+boost::asio::thread_pool& Service::threads(Lane lane) {
+  switch (lane) {
+    case Lane::urgent:
+      return urgent;
+    case Lane::heavy:
+      return heavy;
+    case Lane::usual:
+      break;
+  }
+  return usual;
+}
+
+void Service::run(Lane lane, Work work, Done done) {
   ++calls_waiting;
-  asio::post(workers, [this, work = std::move(work), done = std::move(done)]() mutable {
+  asio::post(threads(lane), [this, work = std::move(work), done = std::move(done)]() mutable {
     --calls_waiting;
     auto reply = work();
     work = nullptr;
@@ -45,10 +65,53 @@ void Service::run(Work work, Done done) {
   });
 }
 
+namespace {
+
+using Text = std::optional<std::string>;
+
+// The replies of two parts of one batch.
+Text joined(const Text& first, Text second) {
+  if (!first || !second) return first ? first : second;
+  return first->substr(0, first->size() - 1) + "," + second->substr(1);
+}
+
+}  // namespace
+
 void Service::call(std::string text, std::shared_ptr<CallContext> context, Done done) {
-  run([this, text = std::move(text),
-       context = std::move(context)] { return dispatcher.handle(text, *context); },
-      std::move(done));
+  const auto asked = dispatcher.look(text);
+  const auto part = [this, context = std::move(context),
+                     text = std::make_shared<const std::string>(std::move(text))](Part which) {
+    return [this, context, text, which] { return dispatcher.handle(*text, *context, which); };
+  };
+  if (!asked.stop || asked.alone) return run(asked.lane, part(Part::all), std::move(done));
+  run(Lane::urgent, part(Part::stops), [this, lane = asked.lane, part, done = std::move(done)](Text first) {
+    run(lane, part(Part::rest),
+        [first = std::move(first), done](Text rest) { done(joined(first, std::move(rest))); });
+  });
+}
+
+bool Service::make_room(const std::string& address) {
+  constexpr std::size_t most_strangers = 512, most_from_one_address = 256;
+  std::size_t trusted = 0;
+  std::vector<Session*> strangers, from_there;
+  for (auto* session : sessions) {
+    if (session->local() || session->leaving()) continue;
+    if (!session->stranger()) {
+      ++trusted;
+      continue;
+    }
+    strangers.push_back(session);
+    if (session->address() == address) from_there.push_back(session);
+  }
+  const auto oldest_leaves = [](const std::vector<Session*>& among) {
+    (*std::ranges::min_element(among, {}, &Session::number))->leave();
+  };
+  if (from_there.size() >= most_from_one_address) {
+    oldest_leaves(from_there);
+  } else if (strangers.size() >= most_strangers) {
+    oldest_leaves(strangers);
+  }
+  return trusted < options.max_connections;
 }
 
 namespace {
@@ -71,10 +134,8 @@ class Listener {
         });
       }
       ++service_.connections;
-      const auto limit = service_.options.max_connections;
-      // Those to be told that the house is full are themselves few: the rest is closed without a word.
-      const auto open = open_sessions();
-      if (open < limit + 16) start_(service_, std::move(socket), open >= limit);
+      const bool room = make_room(socket);
+      start_(service_, std::move(socket), !room);
       accept();
     });
   }
@@ -86,10 +147,14 @@ class Listener {
   }
 
  private:
-  std::size_t open_sessions() const {
-    constexpr bool local_ones = std::is_same_v<Protocol, local>;
-    return static_cast<std::size_t>(std::ranges::count_if(
-        service_.sessions, [](const Session* session) { return session->local() == local_ones; }));
+  bool make_room(const typename Protocol::socket& socket) {
+    if constexpr (std::is_same_v<Protocol, local>) {
+      return std::ranges::count_if(service_.sessions, &Session::local) <
+             static_cast<std::ptrdiff_t>(service_.options.max_connections);
+    } else {
+      error_code gone;
+      return service_.make_room(socket.remote_endpoint(gone).address().to_string());
+    }
   }
 
   Service& service_;
@@ -192,8 +257,10 @@ void Server::stop() {
     auto& s = *state_;
     asio::post(s.service.io, [&s] { s.begin_stop(); });
     s.thread.join();
-    s.service.workers.stop();
-    s.service.workers.join();
+    for (auto* threads : {&s.service.urgent, &s.service.usual, &s.service.heavy}) {
+      threads->stop();
+      threads->join();
+    }
     if (!s.service.options.unix_socket.empty()) unlink(s.service.options.unix_socket.c_str());
   });
 }

@@ -27,19 +27,6 @@ constexpr std::size_t digits = 64;
   fail(file, std::generic_category().message(error), "check the folder's permissions");
 }
 
-std::string random_token() {
-  std::array<unsigned char, digits / 2> bytes{};
-  if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size()))
-    throw Error(ErrorCode::io_error, "the system gives no random bytes");
-  constexpr std::string_view hex = "0123456789abcdef";
-  std::string token;
-  for (const unsigned char b : bytes) {
-    token += hex[b >> 4];
-    token += hex[b & 15];
-  }
-  return token;
-}
-
 // Written under another name and linked, so that nobody ever reads half a token.
 void create(const std::filesystem::path& file) {
   std::error_code ec;
@@ -47,7 +34,7 @@ void create(const std::filesystem::path& file) {
     std::filesystem::permissions(file.parent_path(), std::filesystem::perms::owner_all, ec);
   if (ec) fail_errno(file, ec.value());
   std::string draft = file.string() + ".XXXXXX";
-  const std::string text = random_token() + "\n";
+  const std::string text = random_secret() + "\n";
   const int fd = mkostemp(draft.data(), O_CLOEXEC);  // of mode 0600
   if (fd < 0) fail_errno(file, errno);
   const bool written =
@@ -61,6 +48,19 @@ void create(const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+std::string random_secret() {
+  std::array<unsigned char, digits / 2> bytes{};
+  if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size()))
+    throw Error(ErrorCode::io_error, "the system gives no random bytes");
+  constexpr std::string_view hex = "0123456789abcdef";
+  std::string token;
+  for (const unsigned char b : bytes) {
+    token += hex[b >> 4];
+    token += hex[b & 15];
+  }
+  return token;
+}
 
 std::filesystem::path state_folder() {
   if (const char* xdg = std::getenv("XDG_STATE_HOME"); xdg != nullptr && *xdg == '/')

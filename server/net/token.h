@@ -18,6 +18,9 @@ std::string load_or_create_token(const std::filesystem::path& file);
 // The same without creating one: Error(io_error) if it is not there.
 std::string load_token(const std::filesystem::path& file);
 
+// 64 hexadecimal digits that nobody can guess.
+std::string random_secret();
+
 // In a time that depends on the lengths only.
 bool equal_secret(std::string_view a, std::string_view b);
 

@@ -21,6 +21,7 @@ class WebSocketSession final : public Conversation {
   WebSocketSession(Service& service, Stream stream, beast::http::request<beast::http::string_body> request,
                    std::shared_ptr<CallContext> context)
       : Conversation(service, std::move(context)), socket_(std::move(stream)), request_(std::move(request)) {
+    trusted_ = true;
     beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has timeouts of its own
     websocket::stream_base::timeout timeouts{};
     timeouts.handshake_timeout = service.options.header_timeout;

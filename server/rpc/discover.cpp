@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "server/rpc/schemas.h"
+
 namespace ferrobench::server {
 namespace {
 
@@ -27,19 +29,24 @@ const char* role_name(Role role) {
 json describe_method(const Method& method) {
   json params = json::array();
   for (const auto& p : method.parameters) {
-    json param{{"name", p.name}, {"required", p.required}, {"schema", p.schema}};
-    if (p.schema.contains("description")) param["description"] = p.schema["description"];
+    json named{{"properties", {{p.name, p.schema}}}};
+    schema::name_the_unnamed(named);
+    auto& schema = named["properties"][p.name];
+    json param{{"name", p.name}, {"required", p.required}, {"schema", schema}};
+    if (schema.contains("description")) param["description"] = schema["description"];
     params.push_back(std::move(param));
   }
+  auto result = method.info.result_schema;
+  schema::name_the_unnamed(result);
   json errors = json::array();
-  for (const auto& e : error_table())
-    errors.push_back({{"$ref", "#/components/errors/" + std::string(e.name)}});
+  for (const auto code : method.info.errors)
+    errors.push_back({{"$ref", "#/components/errors/" + std::string(entry(code).name)}});
   return {{"name", method.info.name},
           {"summary", method.info.doc},
           {"tags", json::array({{{"name", area(method.info.name)}}})},
           {"paramStructure", "either"},
           {"params", std::move(params)},
-          {"result", {{"name", method.info.name + " result"}, {"schema", method.info.result_schema}}},
+          {"result", {{"name", method.info.name + " result"}, {"schema", std::move(result)}}},
           {"errors", std::move(errors)},
           {"x-role", role_name(method.info.role)}};
 }
@@ -55,8 +62,11 @@ json openrpc_document(const Dispatcher& dispatcher, const Hub& hub, const std::s
                                    {"message", e.meaning},
                                    {"data", {{"name", e.name}, {"problems", json::array()}}}};
   json topics = json::array();
-  for (const auto& [name, topic] : hub.topics())
-    topics.push_back({{"name", name}, {"summary", topic.doc}, {"params", topic.schema}});
+  for (const auto& [name, topic] : hub.topics()) {
+    auto params = topic.schema;
+    schema::name_the_unnamed(params);
+    topics.push_back({{"name", name}, {"summary", topic.doc}, {"params", std::move(params)}});
+  }
   return {{"openrpc", "1.3.2"},
           {"info",
            {{"title", "ferrobench"},
@@ -75,7 +85,11 @@ void add_discovery(Dispatcher& dispatcher, const Hub& hub, const std::string& ve
   dispatcher.add<NoParams>(
       {.name = "rpc.discover",
        .doc = "This document: every method with its parameters, result and errors (OpenRPC).",
-       .result_schema = {{"type", "object"}, {"required", {"openrpc", "info", "methods"}}}},
+       .result_schema = schema::object({{"openrpc", schema::text("version of its format")},
+                                        {"info", schema::any_object()},
+                                        {"methods", schema::list_of(schema::any_object())},
+                                        {"components", schema::any_object()},
+                                        {"x-notifications", schema::list_of(schema::any_object())}})},
       [&dispatcher, &hub, version](const NoParams&) -> json {
         return openrpc_document(dispatcher, hub, version);
       });

@@ -3,6 +3,8 @@
 #include <spdlog/spdlog.h>
 
 #include <cassert>
+#include <mutex>
+#include <set>
 #include <vector>
 
 namespace ferrobench::server {
@@ -69,6 +71,41 @@ json by_name(const Method& method, const json& params) {
   return named;
 }
 
+// The methods that a request or a batch names, without reading what else is in it.
+class MethodNames final : public nlohmann::json_sax<json> {
+ public:
+  explicit MethodNames(std::function<void(const std::string&)> found) : found_(std::move(found)) {}
+  bool null() override { return true; }
+  bool boolean(bool) override { return true; }
+  bool number_integer(number_integer_t) override { return true; }
+  bool number_unsigned(number_unsigned_t) override { return true; }
+  bool number_float(number_float_t, const string_t&) override { return true; }
+  bool binary(binary_t&) override { return true; }
+  bool string(string_t& text) override {
+    if (is_method_) found_(text);
+    return true;
+  }
+  bool start_object(std::size_t) override { return ++depth_, true; }
+  bool end_object() override { return --depth_, true; }
+  bool start_array(std::size_t) override {
+    batch_ = batch_ || depth_ == 0;
+    return ++depth_, true;
+  }
+  bool end_array() override { return --depth_, true; }
+  bool key(string_t& name) override {
+    is_method_ = depth_ == (batch_ ? 2 : 1) && name == "method";
+    return true;
+  }
+  bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception&) override {
+    return false;
+  }
+
+ private:
+  std::function<void(const std::string&)> found_;
+  int depth_ = 0;
+  bool batch_ = false, is_method_ = false;
+};
+
 // File names and the like may not be UTF-8; the reply always is.
 std::string text_of(const json& reply) {
   return reply.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -97,9 +134,30 @@ std::string Dispatcher::nearest(std::string_view name) const {
   return guess.empty() ? "rpc.discover lists the methods" : "did you mean \"" + guess + "\"?";
 }
 
+namespace {
+
+std::mutex unlisted_lock;
+std::set<std::string> unlisted;
+
+}  // namespace
+
+std::vector<std::string> Dispatcher::unlisted_errors() {
+  const std::scoped_lock lock(unlisted_lock);
+  return {unlisted.begin(), unlisted.end()};
+}
+
 json Dispatcher::invoke(const Method& method, const json& params, CallContext& context) const {
-  if (method.info.role == Role::control && gate_) gate_(method, context);
-  return method.call(by_name(method, params), context);
+  try {
+    if (method.info.role == Role::control && gate_) gate_(method, context);
+    return method.call(by_name(method, params), context);
+  } catch (const Error& e) {
+    if (!method.may_fail_with(e.code())) {
+      const std::scoped_lock lock(unlisted_lock);
+      const auto what = method.info.name + ": " + std::string(entry(e.code()).name);
+      if (unlisted.insert(what).second) spdlog::warn("an error that the method does not list: {}", what);
+    }
+    throw;
+  }
 }
 
 json Dispatcher::call(std::string_view name, const json& params, CallContext& context) const {
@@ -160,7 +218,37 @@ std::optional<json> Dispatcher::answer(const json& request, CallContext& context
   return reply;
 }
 
-std::optional<std::string> Dispatcher::answer_text(std::string_view text, CallContext& context) const {
+Asked Dispatcher::look(std::string_view text) const noexcept {
+  constexpr std::size_t most_looked_at = 64u << 10;
+  if (text.size() > most_looked_at) return {.lane = Lane::heavy};
+  std::size_t count = 0, urgent = 0;
+  Asked out;
+  try {
+    MethodNames names([&](const std::string& name) {
+      ++count;
+      const auto* method = find(name);
+      if (method == nullptr) return;
+      urgent += method->info.lane == Lane::urgent ? 1 : 0;
+      out.stop = out.stop || method->info.role == Role::stop;
+      out.alone = out.alone && method->info.role == Role::stop;
+      if (method->info.lane == Lane::heavy) out.lane = Lane::heavy;
+    });
+    if (!json::sax_parse(text, &names) || count > limits_.max_batch) return {};  // to be refused
+  } catch (...) {
+    return {};
+  }
+  if (count > 0 && urgent == count) out.lane = Lane::urgent;
+  return out;
+}
+
+bool Dispatcher::stops(const json& request) const {
+  if (!request.is_object()) return false;
+  const auto* method = find(text_at(request, "method"));
+  return method != nullptr && method->info.role == Role::stop;
+}
+
+std::optional<std::string> Dispatcher::answer_text(std::string_view text, CallContext& context,
+                                                   Part part) const {
   json parsed;
   try {
     parsed =
@@ -186,14 +274,17 @@ std::optional<std::string> Dispatcher::answer_text(std::string_view text, CallCo
     return text_of(reply);
   }
   json replies = json::array();
-  for (const auto& request : parsed)
+  for (const auto& request : parsed) {
+    if (part != Part::all && stops(request) != (part == Part::stops)) continue;
     if (auto reply = answer(request, context)) replies.push_back(std::move(*reply));
+  }
   return replies.empty() ? std::nullopt : std::optional(text_of(replies));
 }
 
-std::optional<std::string> Dispatcher::handle(std::string_view text, CallContext& context) const noexcept {
+std::optional<std::string> Dispatcher::handle(std::string_view text, CallContext& context,
+                                              Part part) const noexcept {
   try {
-    return answer_text(text, context);
+    return answer_text(text, context, part);
   } catch (...) {
     return R"({"jsonrpc":"2.0","error":{"code":-32603,"message":"Internal error"},"id":null})";
   }

@@ -36,6 +36,14 @@ struct Call {
   std::chrono::nanoseconds time;
 };
 
+// What a text asks for.
+struct Asked {
+  Lane lane = Lane::usual;  // of the slowest of its requests
+  bool stop = false;        // whether something in it stops the bench
+  bool alone = true;        // and nothing else is in it
+};
+enum class Part { all, stops, rest };  // of a batch
+
 class Dispatcher {
  public:
   // Runs before every method of Role::control; throws Error(not_controller) to refuse the caller.
@@ -53,10 +61,16 @@ class Dispatcher {
   using Observer = std::function<void(const Call&)>;
   void set_observer(Observer observer) { observer_ = std::move(observer); }
 
+  // Only looks at the names of the methods, and at those of no long text: what stops the bench is short.
+  Asked look(std::string_view text) const noexcept;
   // The reply, or nothing if the text held notifications only. Does not throw.
-  std::optional<std::string> handle(std::string_view text, CallContext& context) const noexcept;
+  std::optional<std::string> handle(std::string_view text, CallContext& context,
+                                    Part part = Part::all) const noexcept;
   // One call in-process: the result, or Error. Parameters may be null (none), an object or an array.
   nlohmann::json call(std::string_view name, const nlohmann::json& params, CallContext& context) const;
+
+  // Errors that a method gave though its row does not list them, as "method: error"; of this whole process.
+  static std::vector<std::string> unlisted_errors();
 
   const std::map<std::string, Method, std::less<>>& methods() const { return methods_; }
   const DispatchLimits& limits() const { return limits_; }
@@ -67,7 +81,8 @@ class Dispatcher {
   nlohmann::json invoke(const Method& method, const nlohmann::json& params, CallContext& context) const;
   void report(Call call, const nlohmann::json& reply) const;
   std::optional<nlohmann::json> answer(const nlohmann::json& request, CallContext& context) const;
-  std::optional<std::string> answer_text(std::string_view text, CallContext& context) const;
+  std::optional<std::string> answer_text(std::string_view text, CallContext& context, Part part) const;
+  bool stops(const nlohmann::json& request) const;
 
   DispatchLimits limits_;
   Gate gate_;

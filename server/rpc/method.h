@@ -19,7 +19,11 @@ struct MethodInfo {
   std::string name;  // "area.verb"
   std::string doc;   // one sentence
   Role role = Role::view;
-  bool audited = false;  // kept account of although it only views; what controls or stops always is
+  Lane lane = Lane::usual;  // what stops is always urgent
+  bool audited = false;     // kept account of although it only views; what controls or stops always is
+  // What it may fail with, beside what follows from the row: invalid_params where it takes parameters,
+  // not_controller where it controls.
+  std::vector<ErrorCode> errors = {};
   nlohmann::json result_schema =
       nullptr;  // only for a handler that returns raw JSON; otherwise made from its type
 };
@@ -35,6 +39,10 @@ struct Method {
   std::vector<Parameter>
       parameters;  // required ones first, else as described; the order of by-position calls
   std::function<nlohmann::json(const nlohmann::json& named, CallContext&)> call;
+
+  bool may_fail_with(ErrorCode code) const {
+    return std::ranges::find(info.errors, code) != info.errors.end();
+  }
 };
 
 // For methods without parameters.
@@ -71,6 +79,7 @@ Method make_method(MethodInfo info, F handler) {
   using R = std::decay_t<decltype(method_detail::invoke<P>(handler, std::declval<const P&>(),
                                                            std::declval<CallContext&>()))>;
   Method method;
+  if (info.role == Role::stop) info.lane = Lane::urgent;
   if constexpr (std::is_void_v<R>) {
     info.result_schema = {{"type", "null"}};
   } else if constexpr (!std::is_same_v<R, nlohmann::json>) {
@@ -84,6 +93,11 @@ Method make_method(MethodInfo info, F handler) {
   describe(lister, sample);
   std::stable_partition(method.parameters.begin(), method.parameters.end(),
                         [](const Parameter& p) { return p.required; });
+  auto& errors = method.info.errors;
+  errors.push_back(ErrorCode::invalid_params);  // at least for a parameter that there is not
+  if (method.info.role == Role::control) errors.push_back(ErrorCode::not_controller);
+  std::ranges::sort(errors);
+  errors.erase(std::unique(errors.begin(), errors.end()), errors.end());
   method.call = [handler = std::move(handler)](const nlohmann::json& named, CallContext& context) mutable {
     P params{};
     std::vector<Problem> problems;

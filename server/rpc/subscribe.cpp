@@ -47,19 +47,21 @@ Subscriber& outbox(const CallContext& context) {
 }  // namespace
 
 void add_subscription_methods(Dispatcher& dispatcher, Hub& hub) {
-  dispatcher.add<SubscribeParams>(
-      {.name = "subscribe", .doc = "Sends notifications of a topic on this connection from now on."},
-      [&hub](const SubscribeParams& p, CallContext& context) {
-        outbox(context);
-        hub.subscribe(p.topic, context.subscriber, p.max_rate);
-        return Subscribed{p.topic, true};
-      });
-  dispatcher.add<UnsubscribeParams>(
-      {.name = "unsubscribe", .doc = "Ends the notifications of a topic on this connection."},
-      [&hub](const UnsubscribeParams& p, CallContext& context) {
-        hub.unsubscribe(p.topic, outbox(context));
-        return Subscribed{p.topic, false};
-      });
+  dispatcher.add<SubscribeParams>({.name = "subscribe",
+                                   .doc = "Sends notifications of a topic on this connection from now on.",
+                                   .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
+                                  [&hub](const SubscribeParams& p, CallContext& context) {
+                                    outbox(context);
+                                    hub.subscribe(p.topic, context.subscriber, p.max_rate);
+                                    return Subscribed{p.topic, true};
+                                  });
+  dispatcher.add<UnsubscribeParams>({.name = "unsubscribe",
+                                     .doc = "Ends the notifications of a topic on this connection.",
+                                     .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
+                                    [&hub](const UnsubscribeParams& p, CallContext& context) {
+                                      hub.unsubscribe(p.topic, outbox(context));
+                                      return Subscribed{p.topic, false};
+                                    });
 }
 
 }  // namespace ferrobench::server

@@ -32,7 +32,7 @@ export class Experiment {
     const chosen = byId("protocol").value;
     const model = byId("model").value;
     byId("protocol").replaceChildren(...protocols.map((p) => element("option", { value: p.name }, p.title || p.name)));
-    byId("model").replaceChildren(...models.map((m) => element("option", { value: m.name }, m.title || m.name)));
+    byId("model").replaceChildren(...models.filter((m) => !m.error).map((m) => element("option", { value: m.name }, m.title || m.name)));
     byId("model").value = model || usual;
     if (chosen === own) return this.#addOwn();
     if (protocols.some((p) => p.name === chosen)) byId("protocol").value = chosen;
@@ -118,7 +118,7 @@ export class Experiment {
       this.plot.set(p.time, p.min, p.max);
       facts(byId("preview-facts"), [["Takes", duration(p.duration_s)], ["Samples", `${count(p.samples)} at ${quantity(p.sample_rate_Hz, "Hz")}`],
         ["Field", `from ${quantity(p.field_min, "V/m")} to ${quantity(p.field_max, "V/m")}`], ["Steepest", quantity(p.max_slew, "V/m/s")]]);
-      if (p.problems?.length) showError("The guard would refuse this program:", { message: "it passes the limits in force.", problems: p.problems });
+      if (p.problems?.length) showError("The guard would refuse this program:", { message: "it goes beyond the limits in force.", problems: p.problems });
       else clearErrors();
     } catch (error) {
       byId("preview").hidden = true;

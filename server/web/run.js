@@ -63,7 +63,7 @@ export class RunPanel {
     byId("state").dataset.state = status.state;
     const what = status.protocol ? `${status.title || status.protocol}.` : "";
     const risen = !this.busy() && status.output_at_zero === false;
-    const said = risen ? "The device did not obey: the output may not be at zero!" : explanation;
+    const said = risen ? "The output may not be at zero: switch the amplifier off!" : explanation;
     byId("state").dataset.danger = risen;
     const reason = [status.reason && `${status.reason[0].toUpperCase()}${status.reason.slice(1)}.`, what, said].filter(Boolean).join(" ").replaceAll("..", ".");
     // Only what changed is written, or a screen reader would say it again with every message.

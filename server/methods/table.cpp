@@ -1,0 +1,59 @@
+#include "recordings/reports/table.h"
+
+#include "recordings/tables/comparison.h"
+#include "server/engine/table_runs.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+
+struct TableParams {
+  std::string table{}, format = "json";
+  json model{}, set = json::object();
+  std::int64_t seed = 1;
+};
+template <class Visitor>
+void describe(Visitor& visit, TableParams& p) {
+  visit("table", p.table, {.required = true, .doc = "of the source: 3.10, 3.11, 3.12 or 3.13"});
+  visit("model", p.model, {.doc = "name or model; absent: the shipped set of the table's specimen"});
+  visit("set", p.set, {.doc = "as for run.start, for every run of the table"});
+  visit("seed", p.seed, {.min = 0, .doc = "of the noise"});
+  visit("format", p.format,
+        {.doc =
+             "of the job's result: json gives the comparison itself; text, md, csv and html give {content}"});
+}
+
+json run_job(const Store& store, const TableParams& p, const std::vector<RunRequest>& requests,
+             Jobs::Handle& job) {
+  const auto format = recordings::format_from_name(p.format);
+  const auto comparison = run_table(p.table, requests, store, "", [&job](double share) {
+    job.say(share, "running");
+    return !job.cancelled();
+  });
+  return format == recordings::Format::json ? to_json(comparison)
+                                            : json{{"content", render(comparison, format)}};
+}
+
+}  // namespace
+
+void add_table_methods(Dispatcher& rpc, Engine& engine) {
+  rpc.add<TableParams>(
+      {.name = "table.run",
+       .doc = "Runs a published table's experiments on virtual devices of their own, beside the "
+              "bench, and compares. A job; no recording is kept.",
+       .role = Role::control,
+       .errors = {ErrorCode::not_found, ErrorCode::busy}},
+      [&engine](const TableParams& p) {
+        recordings::format_from_name(p.format);
+        auto requests = table_requests(p.table, p.model, p.set, p.seed);
+        const auto id =
+            engine.jobs().start("table", [&engine, p, requests = std::move(requests)](Jobs::Handle& job) {
+              return run_job(engine.store(), p, requests, job);
+            });
+        return engine.jobs().status(id);
+      });
+}
+
+}  // namespace ferrobench::server
