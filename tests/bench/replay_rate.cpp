@@ -4,7 +4,8 @@
 //
 // A recording of ROWS rows (10^6) with field, charge, displacement and force as counts is written to FOLDER
 // (the temporary one). A sample is one value of one column: ten a row, 10^7 in all. Times are processor times
-// of this one thread, as other programs may be running, the least of several rounds.
+// of this process and of those that read files for it, as other programs may be running, the least of several
+// rounds.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

@@ -14,9 +14,9 @@
 #include "recordings/export.h"
 #include "recordings/file.h"
 #include "recordings/hdf5.h"
+#include "recordings/import_csv.h"
 #include "recordings/recover.h"
 #include "recordings/reports/report.h"
-#include "server/engine/text_table.h"
 
 namespace ferrobench::faults {
 
@@ -163,15 +163,15 @@ std::string journal_of(const Recording& r, const std::string& path) {
   return out;
 }
 
-server::CsvImport columns_of(std::string csv) {
-  server::CsvImport import;
+recordings::CsvImport columns_of(std::string csv) {
+  recordings::CsvImport import;
   import.csv = std::move(csv);
   import.title = "imported";
-  import.time = {"time_s"};
-  import.command = {"command_V_per_m"};
-  import.field = {"field_V_per_m"};
-  import.charge = {"charge_C"};
-  import.displacement = {"displacement_m"};
+  import.time = {.column = "time_s"};
+  import.command = {.column = "command_V_per_m"};
+  import.field = {.column = "field_V_per_m"};
+  import.charge = {.column = "charge_C"};
+  import.displacement = {.column = "displacement_m"};
   import.specimen = "a stack";
   import.length = 0.01, import.area = 2.5e-5, import.layer_thickness = 1e-4, import.layer_count = 100;
   return import;
@@ -199,6 +199,52 @@ std::string damaged(std::string bytes, Random& random) {
   return bytes;
 }
 
+// The HDF5 library's own; declared in none of its headers.
+extern "C" std::uint32_t H5_checksum_metadata(const void* data, std::size_t bytes, std::uint32_t initial);
+
+// A part of a file, from its mark on, that a checksum of four bytes follows.
+struct Checked {
+  std::size_t at, bytes;
+};
+
+std::uint32_t checksum_of(const std::string& file, const Checked& part) {
+  return H5_checksum_metadata(file.data() + part.at, part.bytes, 0);
+}
+
+// The headers of objects and the indices of groups and chunks: as long as makes their checksum right.
+std::vector<Checked> checked_parts(const std::string& file) {
+  constexpr std::size_t longest = 4096;
+  std::vector<Checked> out;
+  for (const std::string_view mark : {"\x89HDF", "OHDR", "OCHK", "FRHP", "FHDB", "FHIB", "BTHD", "BTLF",
+                                      "FAHD", "FADB", "EAHD", "EAIB", "EADB"})
+    for (auto at = file.find(mark); at != std::string::npos; at = file.find(mark, at + 1))
+      for (Checked part{at, mark.size()}; part.bytes < longest && at + part.bytes + 4 <= file.size();
+           ++part.bytes) {
+        std::uint32_t written = 0;
+        std::memcpy(&written, file.data() + at + part.bytes, sizeof written);
+        if (written != checksum_of(file, part)) continue;
+        out.push_back(part);
+        break;
+      }
+  return out;
+}
+
+// Bits turned or a few bytes overwritten in one or two of these parts, and their checksums made right again.
+std::string forged(std::string file, const std::vector<Checked>& parts, Random& random) {
+  const auto below = [&random](std::size_t count) { return static_cast<std::size_t>(random() % count); };
+  for (auto times = 1 + below(2); times > 0; --times) {
+    const auto& part = parts[below(parts.size())];
+    for (auto changes = 1 + below(3); changes > 0; --changes) {
+      auto& byte = file[part.at + 4 + below(part.bytes - 4)];
+      const auto how = below(4);
+      byte = static_cast<char>(how == 0 ? 0 : how == 1 ? 0xff : byte ^ (1 << below(8)));
+    }
+    const auto right = checksum_of(file, part);
+    std::memcpy(file.data() + part.at + part.bytes, &right, sizeof right);
+  }
+  return file;
+}
+
 // What is found wrong is thrown as this.
 struct Wrong : std::runtime_error {
   using std::runtime_error::runtime_error;
@@ -207,12 +253,19 @@ struct Wrong : std::runtime_error {
 class Bench {
  public:
   Bench(const fs::path& folder, std::uint64_t seed)
-      : folder_(folder), random_(seed), whole_(sample()), sources_(sound_files(folder)) {}
+      : folder_(folder),
+        random_(seed),
+        forger_(seed),
+        whole_(sample()),
+        sources_(sound_files(folder)),
+        parts_(checked_parts(sources_[static_cast<std::size_t>(DamagedKind::recording)])) {}
 
   void damage(int number, DamageFigures& figures) {
-    const auto kind = static_cast<DamagedKind>(number % 4);
+    const auto kind = static_cast<DamagedKind>(number % 5);
     auto& row = figures.rows.at(static_cast<std::size_t>(kind));
-    const auto bytes = damaged(sources_.at(static_cast<std::size_t>(kind)), random_);
+    const auto bytes = kind == DamagedKind::forged_recording
+                           ? forged(sources_[0], parts_, forger_)
+                           : damaged(sources_.at(static_cast<std::size_t>(kind)), random_);
     const auto path = (folder_ / ("damaged-" + std::to_string(number) + ".h5")).string();
     const auto file = kind == DamagedKind::journal ? path + ".journal" : path;
     std::ofstream(file, std::ios::binary) << bytes;
@@ -242,7 +295,7 @@ class Bench {
     try {
       Recording r;
       if (kind == DamagedKind::csv) {
-        r = server::read_csv(columns_of(bytes));
+        r = recordings::import_csv(columns_of(bytes));
       } else {
         recordings::read_summary(path);
         r = recordings::read_recording(path);
@@ -290,9 +343,10 @@ class Bench {
   }
 
   fs::path folder_;
-  Random random_;
+  Random random_, forger_;
   Recording whole_;
   std::array<std::string, 4> sources_;
+  std::vector<Checked> parts_;
 };
 
 }  // namespace
@@ -306,7 +360,7 @@ std::array<std::string, 4> sound_files(const fs::path& folder) {
   std::ostringstream csv;
   export_csv(r, csv);
   for (const auto& sound : {path, plain}) recordings::read_recording(sound);
-  server::read_csv(columns_of(csv.str()));
+  recordings::import_csv(columns_of(csv.str()));
   return {slurp(path), slurp(plain), journal_of(r, (folder / "journal.h5").string()), csv.str()};
 }
 
@@ -318,7 +372,8 @@ DamageFigures damage_files(int files, std::uint64_t seed, const fs::path& folder
 }
 
 std::ostream& operator<<(std::ostream& out, const DamageFigures& figures) {
-  constexpr std::array names{"recordings", "recordings without checksums", "journals", "CSV tables"};
+  constexpr std::array names{"recordings", "recordings without checksums", "journals", "CSV tables",
+                             "recordings with right checksums"};
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto& row = figures.rows.at(i);
     out << names.at(i) << ": " << row.files << " damaged, " << row.refused << " refused, " << row.read

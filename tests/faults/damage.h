@@ -13,23 +13,19 @@
 
 namespace ferrobench::faults {
 
-enum class DamagedKind {
-  recording,
-  plain_recording,
-  journal,
-  csv
-};  // plain: without checksums on its structure
+// plain: without checksums on its structure; forged: with wrong structure and right checksums for it
+enum class DamagedKind { recording, plain_recording, journal, csv, forged_recording };
 
 struct DamageFigures {
   struct Row {
     int files = 0, refused = 0, read = 0, replayed = 0;
   };
-  std::array<Row, 4> rows{};  // by DamagedKind
+  std::array<Row, 5> rows{};  // by DamagedKind
   std::vector<std::string> failures;
 };
 std::ostream& operator<<(std::ostream& out, const DamageFigures& figures);
 
-// The bytes of a sound file of each kind; `folder` is for making them.
+// The bytes of a sound file of each kind but the last; `folder` is for making them.
 std::array<std::string, 4> sound_files(const std::filesystem::path& folder);
 
 // `files` files of every kind in turn, one after the other in `folder`, so that the one that a crash is due

@@ -20,7 +20,7 @@ class Damage : public testing::Test {
 };
 
 TEST_F(Damage, IsRefusedOrDoesNoHarm) {
-  const auto figures = damage_files(400, 1, folder);
+  const auto figures = damage_files(500, 1, folder);
   EXPECT_THAT(figures.failures, testing::IsEmpty());
   for (const auto& row : figures.rows) {
     EXPECT_EQ(row.files, 100);
@@ -68,6 +68,11 @@ TEST_F(Damage, WhatTheLibraryCrashesOverIsAnError) {
     EXPECT_EQ(error.code(), ErrorCode::bad_recording);
     EXPECT_THAT(error.what(), testing::HasSubstr("crash"));
   }
+  // Among others it is the only one that is called damaged.
+  const auto whole = (folder / "whole.h5").string();
+  const auto read = recordings::read_summaries(std::vector{whole, path, whole, path, whole});
+  for (std::size_t i = 0; i < read.size(); ++i)
+    EXPECT_EQ(std::holds_alternative<recordings::Summary>(read[i]), i % 2 == 0) << i;
 }
 
 }  // namespace

@@ -135,6 +135,10 @@ int rename(const char* from, const char* to) {
   if (is_ours(from) && fails(1)) return -1;
   return NEXT(rename)(from, to);
 }
+int renameat2(int from_folder, const char* from, int to_folder, const char* to, unsigned flags) {
+  if (is_ours(from) && fails(1)) return -1;
+  return NEXT(renameat2)(from_folder, from, to_folder, to, flags);
+}
 int unlink(const char* path) {
   if (is_ours(path) && fails(0)) return -1;
   return NEXT(unlink)(path);

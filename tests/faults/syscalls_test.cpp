@@ -105,7 +105,9 @@ TEST_P(Syscalls, AFailureIsReportedOrHasNoEffect) {
       ++recovered;
     }
     EXPECT_EQ(recordings::journal_state(file()), recordings::JournalState::none);
-    EXPECT_FALSE(fs::exists(file() + ".part"));
+    recordings::remove_leftovers((folder.path / "out").string());  // where the removal was what failed
+    for (const auto& entry : fs::directory_iterator(folder.path / "out"))
+      EXPECT_NE(entry.path().extension(), ".part") << entry.path();
     if (fs::exists(file())) expect_part(recordings::read_recording(file()), whole);
   }
   std::cout << kind << ": " << count << " calls; " << without_effect << " without effect, " << reported
@@ -120,7 +122,8 @@ TEST_P(SlowDisk, IsNotedOrEndsTheRunWithTheOutputAtZero) {
   const std::string kind = GetParam();
   std::ofstream(folder.path / "program.json") << server::trapezium(0.4, kind == "slow" ? 1 : 60).dump();
   const auto begin = std::chrono::steady_clock::now();
-  const auto said = run(kind, 12, false);
+  // What hangs is to be a call of the run, and not of those that make sure of its place before.
+  const auto said = run(kind, kind == "slow" ? 12 : 40, false);
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   EXPECT_EQ(said.err.find("may not be at zero"), std::string::npos) << said.err;
   const auto r = recordings::read_recording(file());

@@ -1,14 +1,19 @@
 #include "server/cli/cli.h"
 
+#include <gmock/gmock.h>
+
 #include <fstream>
 #include <sstream>
 
 #include "engine_bench.h"
+#include "server/cli/words.h"
+#include "server/methods/methods.h"
 
 namespace ferrobench::cli {
 namespace {
 
 using server::Folder;
+using testing::HasSubstr;
 
 struct Said {
   int code = 0;
@@ -62,6 +67,8 @@ TEST_F(Cli, HelpNamesEveryOptionOfTheFixedForms) {
       {{"serve"},
        {"--port", "--address", "--tls-certificate", "--tls-key", "--host", "--token-file", "audit",
         "/metrics"}},
+      {{"limits"}, {"--format", "field_max=1.8kV/mm"}},
+      {{"limits", "set"}, {"KEY=VALUE", "kV/mm", "Example"}},
       {{"list"}, {"--format", "recovered"}},
       {{"recover"}, {"PATH", "recovered", "already_whole", "ferrobench recover creep.h5"}},
       {{"export"}, {"RECORDING", "--format", "--out"}},
@@ -101,6 +108,113 @@ TEST_F(Cli, ErrorsSayWhatToDo) {
   EXPECT_EQ(said.code, exit_error);
   EXPECT_NE(said.err.find("ferrobench serve"), std::string::npos) << said.err;
   EXPECT_TRUE(run({"list"}).out.empty());  // none of these left a recording
+}
+
+TEST_F(Cli, AWrongWordIsAnsweredByTheNearest) {
+  const auto said = [&](const std::vector<std::string>& arguments) {
+    const auto all = run(arguments);
+    EXPECT_EQ(all.code, exit_usage) << all.err;
+    return all.err;
+  };
+  EXPECT_THAT(said({"rum"}),
+              HasSubstr("there is no command \"rum\"; did you mean \"run\"?\nCommands: serve, run"));
+  EXPECT_THAT(said({"protocol", "shwo", "full-loops"}), HasSubstr("did you mean \"show\"?"));
+  EXPECT_THAT(said({"run", "full-loops", "--fats"}), HasSubstr("no option --fats; did you mean \"--fast\"?"));
+  EXPECT_THAT(said({"run", "full-loops", "--dat", "x"}), HasSubstr("did you mean \"--data\"?"));
+  EXPECT_THAT(said({"run", "full-loops", "extra"}), HasSubstr("run takes no further \"extra\""));
+  EXPECT_THAT(said({"report", "x", "--format", "htlm"}),
+              HasSubstr("did you mean \"html\"? Allowed: text, md, csv, json or html"));
+  EXPECT_THAT(said({"run", "full-loops", "--seed", "abc"}),
+              HasSubstr("\"abc\" is not a number of at least 0"));
+  EXPECT_THAT(said({"serve", "--port", "abc"}), HasSubstr("not a number from 0 to 65535"));
+  EXPECT_THAT(said({}), HasSubstr("a command is wanted: serve"));
+  EXPECT_THAT(run({"run", "full-lops", "--fast"}).err,
+              HasSubstr("did you mean \"full-loops\"? Allowed: creep-"));
+  EXPECT_THAT(run({"run", "full-loops", "--model", "sof"}).err, HasSubstr("did you mean \"soft-pzt\"?"));
+}
+
+TEST_F(Cli, ProblemsAreToldWhereAndHowTheUserWroteThem) {
+  auto said = run({"run", "full-loops", "--fast", "--set", "rate=1000"}).err;
+  EXPECT_THAT(said, HasSubstr("--set rate (full-loops: /segments/0/rate): the field changes too fast"));
+  EXPECT_THAT(said, HasSubstr("1000 kV/mm/s; allowed: at most 100 kV/mm/s"));
+  EXPECT_EQ(std::ranges::count(said, '\n'), 2) << "one problem, told once: " << said;
+  EXPECT_THAT(run({"run", "full-loops", "--set", "rate=-1"}).err,
+              HasSubstr("is outside its range: -1 kV/mm/s; allowed: 1e-09 to 1e+09 kV/mm/s"));
+  EXPECT_THAT(run({"run", "full-loops", "--set", "model.material.barrier=-3"}).err,
+              HasSubstr("--set model.material.barrier: is outside its range: -3 J/m^3"));
+  EXPECT_THAT(run({"run", "full-loops", "--fast", "--set", "device.chrage.enabled=false"}).err,
+              HasSubstr("--set device.chrage: is not a known key; did you mean \"charge\"?"));
+
+  auto mine = nlohmann::json::parse(std::ifstream(protocol()));
+  mine["segments"][2].erase("time");
+  mine["sample_rate_Hz"] = 20000;  // fast enough to see the ramp
+  mine["segments"][2]["rate"] = 1000;
+  std::ofstream(file("mine.json")) << mine.dump();
+  const auto place = file("mine.json") + ": /segments/2/rate: the field changes too fast";
+  EXPECT_THAT(run({"run", file("mine.json"), "--fast"}).err, HasSubstr(place));
+  const auto preview = run({"protocol", "preview", file("mine.json")});
+  EXPECT_EQ(preview.code, exit_error);
+  EXPECT_THAT(preview.err, HasSubstr(place));
+  mine["segments"][2]["rate"] = "fast";
+  std::ofstream(file("mine.json")) << mine.dump();
+  EXPECT_THAT(run({"protocol", "validate", file("mine.json")}).err,
+              HasSubstr(file("mine.json") + ": /segments/2/rate: must be a number: \"fast\""));
+  std::ofstream(file("mine.json")) << "{";
+  EXPECT_THAT(run({"protocol", "validate", file("mine.json")}).err,
+              HasSubstr(file("mine.json") + ": the protocol is not JSON"));
+  for (const auto& text : {said, preview.err, preview.out})
+    EXPECT_EQ(text.find_first_of("{}"), std::string::npos) << text;
+}
+
+TEST_F(Cli, HintsNameCommandsThatExist) {
+  EXPECT_THAT(run({"report", "nothing"}).err, HasSubstr("'ferrobench list' names them"));
+  EXPECT_THAT(run({"model", "show", "qqqqq"}).err, HasSubstr("'ferrobench model list' names them"));
+  EXPECT_EQ(with_commands("wait, or run.abort it; not run.abort.now"),
+            "wait, or 'ferrobench call run.abort' it; not run.abort.now");
+  server::Hub hub;
+  server::Engine engine(folder.path / "other", hub);
+  server::Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  for (const auto& [method, command] : hinted_commands()) {
+    EXPECT_TRUE(rpc.methods().contains(method)) << method;
+    std::istringstream words{std::string(command)};
+    std::string first, second;
+    words >> first >> second;
+    EXPECT_NO_THROW(help_of({first})) << command;
+    if (first == "call") {
+      EXPECT_EQ(second, method);
+    } else if (!second.empty()) {
+      EXPECT_NO_THROW(help_of({first, second})) << command;
+    }
+  }
+}
+
+TEST_F(Cli, PreviewCallsASineASineAndSpeaksInTheProgramsUnit) {
+  std::ofstream(file("sine.json"))
+      << R"({"format": "ferrobench-protocol", "version": 1, "name": "sine", "unit": "V",
+      "segments": [{"kind": "sine", "amplitude": 50, "center": 50, "phase": -90, "frequency": 2, "cycles": 3}]})";
+  const auto said = run({"protocol", "preview", file("sine.json"), "--model", "soft-pzt"});
+  EXPECT_EQ(said.code, exit_ok) << said.err;
+  EXPECT_THAT(said.out, HasSubstr("from 0 to 100 V, steepest"));
+  EXPECT_THAT(said.out, HasSubstr("sine  to"));
+  EXPECT_THAT(said.out, HasSubstr(": 50 V about 50 V at 2 Hz"));
+}
+
+TEST_F(Cli, LimitsAreShownAndSetInUnitsPeopleUse) {
+  const auto shown = run({"limits"});
+  EXPECT_EQ(shown.code, exit_ok) << shown.err;
+  EXPECT_THAT(shown.out, HasSubstr("1.6 kV/mm"));
+  EXPECT_EQ(nlohmann::json::parse(run({"limits", "--format", "json"}).out)["field_max"], 1.6e6);
+  const auto refused = [&](const std::string& setting) {
+    const auto said = run({"limits", "set", setting});
+    EXPECT_EQ(said.code, exit_error);
+    return said.err;
+  };
+  EXPECT_THAT(refused("field_max=2"),
+              HasSubstr("field_max: has no unit: \"2\"; allowed: kV/mm, MV/m, kV/m or V/m"));
+  EXPECT_THAT(refused("field_max=2 furlongs"), HasSubstr("not known here"));
+  EXPECT_THAT(refused("feild_max=2kV/mm"), HasSubstr("did you mean \"field_max\"?"));
+  EXPECT_THAT(refused("field_max=1.8kV/mm"), HasSubstr("ferrobench serve"));
 }
 
 TEST_F(Cli, RunReportExportSimulate) {
@@ -157,7 +271,7 @@ TEST_F(Cli, RecoverMakesTheFilesOfRunsThatBrokeOff) {
   }
   std::ofstream(recordings / "other.h5.journal") << std::string(500, '?');
   EXPECT_EQ(run({"report", "broken"}).code, exit_ok);  // of what there is
-  EXPECT_NE(run({"list"}).out.find("running"), std::string::npos);
+  EXPECT_NE(run({"list"}).out.find("broken_off"), std::string::npos);
 
   said = run({"recover"});
   EXPECT_EQ(said.code, exit_error);  // the other one
@@ -170,6 +284,47 @@ TEST_F(Cli, RecoverMakesTheFilesOfRunsThatBrokeOff) {
   EXPECT_EQ(said.code, exit_ok);
   EXPECT_NE(said.out.find("already_whole"), std::string::npos) << said.out;
   EXPECT_EQ(run({"recover", file("none.h5")}).code, exit_error);
+}
+
+// Texts of a file may hold what a terminal obeys, or what breaks a line.
+TEST_F(Cli, TextsOfAFileReachTheTerminalSpelledOut) {
+  recordings::Recording r;
+  r.header.title = "good\x1b]0;owned\a\nsecond line";
+  r.header.start_time = "2026-01-01T00:00:00Z";
+  r.header.specimen = {"a\x1b[31mstack", 0.01, 1e-4, 1e-4, 10};
+  r.header.device = {{"driver", "virtual\x1b[2J"}};
+  r.header.model = {{"name",
+                     "\xc2\x9b"
+                     "31m"}};
+  r.status = "aborted";
+  r.reason = "because\rnothing";
+  r.time = {0, 1, 2};
+  r.set(recordings::Channel::field) = {0, 1e6, 0};
+  r.set(recordings::Channel::displacement) = {0, 1e-6, 0};
+  r.events = {{1, "note\x1b[5m",
+               "\xe2\x80\xae"
+               "dlrow"}};
+  r.segments = {{0, 2, "ramp", "up\x1b[1m", 1e6, 1e6}};
+  std::filesystem::create_directories(folder.path / "recordings");
+  recordings::write_recording(file("recordings/hostile.h5"), r);
+  auto other = r;
+  other.reason = "\x1b[7m";
+  recordings::write_recording(file("recordings/other.h5"), other);
+  for (const std::vector<std::string>& command : {std::vector<std::string>{"list"},
+                                                  {"report", "hostile"},
+                                                  {"report", "hostile", "--format", "md"},
+                                                  {"report", "hostile", "--format", "csv"},
+                                                  {"report", "hostile", "--format", "html"},
+                                                  {"compare", "hostile", "other"},
+                                                  {"report", "\x1b[31m"},
+                                                  {"replay", "hostile", "--from", "9"}}) {
+    const auto said = run(command);
+    for (const auto* forbidden : {"\x1b", "\a", "\r", "\xc2\x9b", "\xe2\x80\xae"})
+      EXPECT_EQ((said.out + said.err).find(forbidden), std::string::npos)
+          << command[0] << said.out << said.err;
+  }
+  const auto listed = run({"list"}).out;
+  EXPECT_NE(listed.find("good\\x1b]0;owned\\x07\\nsecond line"), std::string::npos) << listed;
 }
 
 TEST_F(Cli, RunsATableOfTimeAndLevel) {

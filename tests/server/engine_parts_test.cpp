@@ -1,12 +1,9 @@
 // The parts of the engine that need no run: settings, the lease, jobs, live samples, the sink, CSV.
 #include <cmath>
-#include <sstream>
 
 #include "engine_bench.h"
-#include "recordings/export.h"
 #include "server/engine/live.h"
 #include "server/engine/sink.h"
-#include "server/engine/text_table.h"
 #include "server/methods/methods.h"
 
 namespace ferrobench::server {
@@ -192,7 +189,7 @@ TEST_F(EngineTest, DiscrepanciesAreSearchedForByJobs) {
   EXPECT_EQ(code_of([&] { call("discrepancy.start", {{"tables", {"9.99"}}}); }), ErrorCode::not_found);
   const auto wait = [&](const std::string& job, auto&& until) {
     json status;
-    for (int i = 0; i < 60000; ++i, usleep(5000)) {
+    for (int i = 0; i < 100000; ++i, usleep(5000)) {
       status = call("discrepancy.status", {{"job", job}});
       if (until(status)) return status;
     }
@@ -254,6 +251,62 @@ TEST_F(EngineTest, JobsTellHowTheyEnded) {
   jobs.cancel(endless);
   EXPECT_EQ(await_end(endless).state, JobState::cancelled);
   EXPECT_EQ(code_of([&] { jobs.status("job-99"); }), ErrorCode::not_found);
+  const auto stopped = jobs.start("fit", [](Jobs::Handle& job) {
+    while (!job.cancelled()) usleep(1000);
+    job.stopped();
+    return json{{"best", 7}};
+  });
+  jobs.cancel(stopped);
+  EXPECT_EQ(await_end(stopped).state, JobState::cancelled);
+  EXPECT_EQ(jobs.status(stopped).result["best"], 7) << "what it had so far";
+}
+
+TEST_F(EngineTest, TablesAndFitsAreJobsThatCanBeStopped) {
+  Dispatcher rpc;
+  add_all_methods(rpc, engine);
+  CallContext caller{.client = "one", .lease = "", .subscriber = nullptr};
+  const auto call = [&](const std::string& method, const json& params) {
+    return rpc.call(method, params, caller);
+  };
+  const auto ended = [&](const json& started) {
+    for (int i = 0; i < 60000; ++i, usleep(5000))
+      if (auto status = call("job.status", {{"job", started["job"]}}); status["state"] != "running")
+        return status;
+    return json();
+  };
+  EXPECT_EQ(code_of([&] { call("table.run", {{"table", "9.99"}}); }), ErrorCode::not_found);
+  EXPECT_EQ(code_of([&] {
+              call("table.run", {{"table", "3.13"}, {"format", "docx"}});
+            }),
+            ErrorCode::invalid_params);
+  const json table{{"table", "3.13"}, {"model", "soft-pzt"}};
+  const auto compared = ended(call("table.run", table));
+  ASSERT_EQ(compared["state"], "complete") << compared.dump();
+  EXPECT_EQ(compared["result"]["cells"].size(), 4u);
+  auto as_text = table;
+  as_text["format"] = "text";
+  EXPECT_NE(ended(call("table.run", as_text))["result"]["content"].get<std::string>().find("3.13"),
+            std::string::npos);
+
+  const auto cut = call("table.run", table);
+  call("job.cancel", {{"job", cut["job"]}});
+  EXPECT_EQ(ended(cut)["state"], "cancelled");
+
+  const auto fit = call("model.fit", {{"tables", {"3.13"}}, {"model", "soft-pzt"}, {"name", "kept"}});
+  const auto at_work = [&] {  // its first simulation is over, so that there is a best so far
+    return call("job.status", {{"job", fit["job"]}})["stage"].get<std::string>().starts_with("start 1");
+  };
+  for (int i = 0; i < 60000 && !at_work(); ++i) usleep(5000);
+  call("job.cancel", {{"job", fit["job"]}});
+  const auto best = ended(fit);
+  EXPECT_EQ(best["state"], "cancelled");
+  EXPECT_TRUE(best["result"]["stopped"].get<bool>()) << best.dump();
+  EXPECT_EQ(code_of([&] { engine.store().model("kept"); }), ErrorCode::not_found);
+
+  const auto jobs = call("job.list", nullptr)["jobs"];
+  EXPECT_EQ(jobs.size(), 4u);
+  EXPECT_EQ(jobs[0]["kind"], "fit") << "newest first";
+  EXPECT_TRUE(jobs[3]["result"].is_null()) << "a list holds no results";
 }
 
 TEST(Live, MergingKeepsExtremesAndStaysSmall) {
@@ -294,7 +347,8 @@ TEST(Sink, LostRowsAreNotANumber) {
   recordings::Header header;
   header.specimen = {"s", 0.01, 1e-4, 1e-4, 10};
   const auto path = (folder.path / "gap.h5").string();
-  Sink sink(path, header, daq::Scaling({{Channel::field, 2.0, 1.0}}, {}, 10), hub, "r");
+  Sink sink(path, recordings::Existing::keep, header, daq::Scaling({{Channel::field, 2.0, 1.0}}, {}, 10), hub,
+            "r");
   daq::SampleBlock block;
   block.rows = 2;
   block.counts = {1, 2};
@@ -312,33 +366,6 @@ TEST(Sink, LostRowsAreNotANumber) {
   EXPECT_EQ(field[6], 5);
   EXPECT_DOUBLE_EQ(r.time[6], 0.6);
   ASSERT_EQ(r.events.size(), 1u);
-}
-
-TEST(TextTable, CsvComesBackAsARecording) {
-  recordings::Recording r;
-  r.time = {0, 0.1, 0.2, 0.3};
-  r.set(Channel::field) = {0, 1e5, 2e5, 1e5};
-  r.set(Channel::displacement) = {0, 1e-7, NAN, 1.0 / 3e6};
-  std::ostringstream text;
-  recordings::export_csv(r, text);
-  CsvImport import;
-  import.csv = text.str();
-  import.time.column = "time_s";
-  import.field = ColumnMap{.column = "field_V_per_m"};
-  import.displacement = ColumnMap{.column = "displacement_m", .scale = 2};
-  import.length = import.area = import.layer_thickness = 1e-4;
-  const auto back = read_csv(import);
-  EXPECT_EQ(back.time, r.time);
-  EXPECT_EQ(back.at(Channel::field), r.at(Channel::field));
-  EXPECT_EQ(back.at(Channel::displacement)[3], 2 / 3e6);
-  EXPECT_TRUE(std::isnan(back.at(Channel::displacement)[2]));
-  EXPECT_FALSE(back.has(Channel::charge));
-
-  import.force = ColumnMap{.column = "force_lbf"};
-  import.csv += "0.3,x,0\n";
-  const auto problems = problems_of([&] { read_csv(import); });
-  ASSERT_EQ(problems.size(), 3u);  // no such column, no number, time does not rise
-  EXPECT_EQ(problems[0].path, "/force/column");
 }
 
 }  // namespace

@@ -111,6 +111,48 @@ TEST_F(EngineTest, AbortIsASafeStop) {
   EXPECT_EQ(code_of([&] { engine.abort("", "again"); }), ErrorCode::bad_state);
 }
 
+TEST_F(EngineTest, OfManyUnknownSettingsOnlyTheFirstAreTold) {
+  auto asked = request(trapezium(0.1, 0.1), true);
+  for (int i = 0; i < 20'000; ++i) asked.set["unheard_of_" + std::to_string(i)] = i;
+  try {
+    engine.start(asked);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.problems().size(), max_problems);
+  }
+}
+
+TEST_F(EngineTest, ASecondAbortHastensTheStop) {
+  engine.set_limits({{"stop_slew", 1.6e5}});  // 3 s from 0.5 kV/mm
+  engine.start(request(trapezium(0.2, 30), false));
+  await({RunState::running});
+  usleep(600'000);
+  engine.abort("", "enough");
+  usleep(300'000);
+  EXPECT_EQ(engine.status().state, RunState::stopping);
+  const auto begin = std::chrono::steady_clock::now();
+  engine.abort("", "faster");
+  const auto status = await({RunState::complete, RunState::aborted});
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(2));
+  EXPECT_EQ(status.reason, "enough");
+  EXPECT_TRUE(status.output_at_zero);
+  const auto r = recordings::read_recording(status.path);
+  ASSERT_GE(r.segments.size(), 2u);
+  EXPECT_EQ(r.segments[r.segments.size() - 2].label, "safe stop");
+  EXPECT_EQ(r.segments.back().label, "hastened stop");
+  EXPECT_EQ(r.segments.back().rate, engine.limits().slew);
+}
+
+TEST_F(EngineTest, ALongerWayToZeroWantsAReason) {
+  const auto before = write_json(engine.limits());
+  for (const nlohmann::json& change : {nlohmann::json{{"stop_slew", 1}}, nlohmann::json{{"stop_time", 60}}})
+    EXPECT_EQ(code_of([&] { engine.set_limits(change); }), ErrorCode::invalid_params) << change;
+  EXPECT_EQ(write_json(engine.limits()), before);
+  engine.set_limits({{"stop_time", 60}, {"stop_slew", 3e4}}, "the amplifier gives 1 mA");
+  EXPECT_EQ(engine.limits().stop_slew, 3e4);
+  engine.set_limits({{"stop_slew", 4e4}});  // the reason stands
+}
+
 TEST_F(EngineTest, ARunCanBeReadWhileItGoesOn) {
   engine.start(request(trapezium(0.4, 30), false));
   await({RunState::running});
@@ -143,6 +185,25 @@ TEST_F(EngineTest, ARunCanBeReadWhileItGoesOn) {
   status = await({RunState::complete, RunState::aborted});
   EXPECT_EQ(status.rows_on_disk, status.rows);
   EXPECT_EQ(recordings::read_recording(status.path).size(), static_cast<std::size_t>(status.rows));
+}
+
+// A crash would now cost all of the recording, so nothing is promised any more and the run ends; nothing is
+// lost.
+TEST_F(EngineTest, ARunEndsWhoseJournalIsTakenAway) {
+  engine.start(request(trapezium(0.4, 60), false));
+  await({RunState::running});
+  RunStatus status;
+  for (int i = 0; i < 400 && (status = engine.status()).rows_on_disk < 50; ++i) usleep(20'000);
+  std::filesystem::remove(status.path + ".journal");
+  status = engine.wait(status.run);
+  EXPECT_EQ(status.state, RunState::aborted);
+  EXPECT_NE(status.reason.find("journal of the recording was removed"), std::string::npos) << status.reason;
+  EXPECT_TRUE(status.output_at_zero);
+  const auto r = recordings::read_recording(status.path);
+  EXPECT_EQ(static_cast<std::int64_t>(r.size()), status.rows);
+  EXPECT_GT(r.size(), 50u);
+  EXPECT_EQ(r.at(Channel::command).back(), 0);
+  EXPECT_TRUE(std::ranges::any_of(r.events, [](const auto& e) { return e.kind == "journal_gone"; }));
 }
 
 TEST_F(EngineTest, ShuttingDownStopsARunSafely) {
@@ -186,7 +247,7 @@ TEST_F(EngineTest, ASelfTestStopsLikeARunAndTheBenchAnswersMeanwhile) {
   engine.abort("", "enough");
   EXPECT_EQ(test.get(), ErrorCode::cancelled);
   engine.with_device(id, [](daq::Device& device) { EXPECT_EQ(device.output(), 0); });
-  EXPECT_TRUE(engine.selftest(id).passed());
+  EXPECT_TRUE(engine.selftest(id).passed);
 }
 
 TEST_F(EngineTest, ShuttingDownStopsASelfTest) {

@@ -2,9 +2,11 @@
 // owner.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
 
 #include "engine_bench.h"
@@ -162,9 +164,49 @@ TEST_F(AuditTest, NobodyWaitsForTheDisk) {
   close(reader);
 }
 
+// A file that may not grow is as a full disk is: what does not fit is lost, in the middle of a line at first.
+TEST_F(AuditTest, WhatAFullDiskCostsIsCountedAndSpoilsNothingElse) {
+  constexpr int all = 100;
+  std::uint64_t lost = 0;
+  const auto before = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit usual{};
+  getrlimit(RLIMIT_FSIZE, &usual);
+  {
+    Audit audit(audit_folder, Bench::token);
+    observe(audit);
+    rlimit small = usual;
+    small.rlim_cur = 5000;
+    setrlimit(RLIMIT_FSIZE, &small);
+    for (int i = 0; i < all; ++i) say("stop", {{"number", i}});
+    for (int i = 0; i < 500 && audit.lost() == 0; ++i) usleep(10'000);
+    usleep(200'000);
+    setrlimit(RLIMIT_FSIZE, &usual);
+    say("stop", {{"number", "there is room again"}});
+    for (int i = 0; i < 500 && text_of(calls()).find("room again") == std::string::npos; ++i) usleep(10'000);
+    lost = audit.lost();
+  }
+  static_cast<void>(std::signal(SIGXFSZ, before));
+  const auto lines = lines_of(calls());
+  EXPECT_GT(lines.size(), 5u);
+  EXPECT_GT(lost, 10u);
+  EXPECT_EQ(lines.size() + lost, static_cast<std::size_t>(all + 1));
+  EXPECT_EQ(lines.back()["params"]["number"], "there is room again");
+}
+
 TEST_F(AuditTest, AFolderThatCannotBeWrittenIsAnError) {
   std::ofstream(folder.path / "file") << "x";
   EXPECT_EQ(code_of([&] { Audit(folder.path / "file", Bench::token); }), ErrorCode::io_error);
+}
+
+TEST_F(AuditTest, NoLinkGetsALine) {
+  std::ofstream(folder.path / "precious") << "precious";
+  for (const auto* name : {"calls.jsonl", "refusals.jsonl"}) {
+    std::filesystem::create_directories(audit_folder);
+    std::filesystem::create_symlink(folder.path / "precious", audit_folder / name);
+    EXPECT_EQ(code_of([&] { Audit(audit_folder, Bench::token); }), ErrorCode::io_error) << name;
+    std::filesystem::remove_all(audit_folder);
+  }
+  EXPECT_EQ(std::filesystem::file_size(folder.path / "precious"), 8u);
 }
 
 TEST_F(AuditTest, ThroughTheDoor) {

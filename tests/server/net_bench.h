@@ -32,6 +32,8 @@ class Bench {
   std::string recording;  // the bytes of "loop.h5"
   std::atomic<int> counted{0};
   std::atomic<int> gone{0};
+  std::atomic<int> stopped{0}, stopped_again{0};
+  std::atomic<int> viewing{0}, most_viewing{0};
   Hub hub;
   Dispatcher rpc;
   std::unique_ptr<Server> server;

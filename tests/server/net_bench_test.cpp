@@ -40,7 +40,14 @@ Bench::Bench(ServerOptions options, const std::function<void(Bench&, Content&)>&
 
   rpc.add<NoParams>({.name = "count", .doc = "counts", .role = Role::control},
                     [this](const NoParams&) -> nlohmann::json { return ++counted; });
-  rpc.add<NoParams>({.name = "stop", .doc = "is for everybody", .role = Role::stop}, [](const NoParams&) {});
+  rpc.add<NoParams>({.name = "stop", .doc = "is for everybody", .role = Role::stop},
+                    [this](const NoParams&, CallContext& c) { ++(c.again ? stopped_again : stopped); });
+  rpc.add<SleepParams>({.name = "view", .doc = "is heavy", .lane = Lane::heavy},
+                       [this](const SleepParams& p) {
+                         most_viewing = std::max<int>(most_viewing, ++viewing);
+                         std::this_thread::sleep_for(std::chrono::duration<double>(p.seconds));
+                         --viewing;
+                       });
   rpc.add<EchoParams>({.name = "echo", .doc = "gives back"}, [](const EchoParams& p) { return p.value; });
   rpc.add<SleepParams>({.name = "sleep", .doc = "takes its time"}, [](const SleepParams& p) {
     std::this_thread::sleep_for(std::chrono::duration<double>(p.seconds));

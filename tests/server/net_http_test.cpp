@@ -83,19 +83,31 @@ TEST(NetHttp, PageComesWithStrictHeaders) {
   EXPECT_EQ(policy.find("unsafe"), std::string::npos);
 }
 
-TEST(NetHttp, SigningInTurnsTheTokenIntoACookie) {
+TEST(NetHttp, SigningInTurnsTheTokenIntoASessionOfItsOwn) {
   Bench bench;
-  auto reply = http(bench, {.method = "GET", .target = "/?token=" + Bench::token, .headers = "", .body = ""});
-  EXPECT_EQ(reply.status, 303);
-  EXPECT_EQ(reply.headers["Location"], "/");
-  const auto cookie = reply.headers["Set-Cookie"];
-  EXPECT_EQ(cookie, "ferrobench_" + std::to_string(bench.port()) + "=" + Bench::token +
-                        "; Path=/; HttpOnly; SameSite=Strict");
-  const auto page = http(bench, {.method = "GET",
-                                 .target = "/",
-                                 .headers = "Cookie: " + cookie.substr(0, cookie.find(';')) + "\r\n",
-                                 .body = ""});
-  EXPECT_EQ(page.status, 200);
+  const auto sign_in = [&] {
+    auto reply =
+        http(bench, {.method = "GET", .target = "/?token=" + Bench::token, .headers = "", .body = ""});
+    EXPECT_EQ(reply.status, 303);
+    EXPECT_EQ(reply.headers["Location"], "/");
+    const auto cookie = reply.headers["Set-Cookie"];
+    EXPECT_TRUE(cookie.ends_with("; Path=/; Max-Age=604800; HttpOnly; SameSite=Strict")) << cookie;
+    EXPECT_TRUE(cookie.starts_with("ferrobench_" + std::to_string(bench.port()) + "=")) << cookie;
+    EXPECT_EQ(cookie.find(Bench::token), std::string::npos) << "other ports of this host are told it";
+    return cookie.substr(0, cookie.find(';'));
+  };
+  const auto page = [&](const std::string& cookie) {
+    return http(bench, {.method = "GET", .target = "/", .headers = "Cookie: " + cookie + "\r\n", .body = ""})
+        .status;
+  };
+  const auto first = sign_in(), second = sign_in();
+  EXPECT_NE(first, second);
+  EXPECT_EQ(page(first), 200);
+  EXPECT_EQ(page(second), 200);
+  EXPECT_EQ(page("ferrobench_" + std::to_string(bench.port()) + "=" + Bench::token), 401);
+  for (std::size_t i = 0; i + 1 < Admission::most_sessions; ++i) sign_in();
+  EXPECT_EQ(page(first), 401) << "the oldest session ends where there are too many";
+  EXPECT_EQ(page(second), 200);
 }
 
 TEST(NetHttp, RecordingInRanges) {

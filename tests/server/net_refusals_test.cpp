@@ -122,6 +122,12 @@ std::vector<Row> table() {
        401,
        unauthorized,
        "token"},
+      {"the token as a cookie",
+       any_http,
+       {{"-Authorization", ""}, {"Cookie", "ferrobench_PORT=TOKEN"}},
+       401,
+       unauthorized,
+       "token"},
       {"another daemon's cookie",
        any_http,
        {{"-Authorization", ""}, {"Cookie", "ferrobench_1=TOKEN"}},
@@ -567,8 +573,9 @@ TEST_F(Refusals, ProperIsMoreThanOneWay) {
       {{"Host", "[::1]:PORT"}},
       {{"Origin", "http://127.0.0.1:PORT"}},
       {{"Authorization", "bearer TOKEN"}},
-      {{"-Authorization", ""}, {"Cookie", "a=b; ferrobench_PORT=TOKEN"}},
       {{"Content-Type", "Application/JSON; charset=utf-8"}},
+      {{"Content-Type", "application/json-rpc"}},
+      {{"Content-Type", "application/json-rpc;charset=utf-8"}},
       {{"query", "?a=b"}},
   };
   for (auto edits : proper) {

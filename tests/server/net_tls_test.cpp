@@ -218,6 +218,22 @@ TEST_F(Tls, BeyondLoopbackItNeedsTls) {
   EXPECT_EQ(code_of([&] { Bench refused(plain); }), ErrorCode::invalid_params);
 }
 
+TEST(Origin, IsAnAddressThatCanBeOpened) {
+  ServerOptions o;
+  EXPECT_EQ(o.origin(8377), "http://127.0.0.1:8377");
+  o.tls_certificate = "bench.pem";
+  o.address = "0.0.0.0";
+  EXPECT_EQ(o.origin(80), "https://127.0.0.1:80") << "no name is known that others could use";
+  o.extra_hosts = {"bench.lab", "bench"};
+  EXPECT_EQ(o.origin(8377), "https://bench.lab:8377");
+  o.address = "192.168.1.5";
+  EXPECT_EQ(o.origin(8377), "https://bench.lab:8377");
+  o.address = "127.0.0.1";
+  EXPECT_EQ(o.origin(8377), "https://127.0.0.1:8377") << "others come by a proxy of their own";
+  o.address = "::1";
+  EXPECT_EQ(o.origin(8377), "https://[::1]:8377");
+}
+
 TEST_F(Tls, FilesThatCannotBeUsedAreErrors) {
   const auto code = [&](const std::string& certificate, const std::string& key) {
     auto changed = options;

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -53,6 +54,46 @@ TEST(NetUnix, ClientCallsAndThrowsWhatTheDaemonThrew) {
   EXPECT_THROW(client.call("sleep", {{"seconds", 2}}, milliseconds(50)), Error);
   EXPECT_EQ(client.call("echo", {{"value", 5}}), 5)
       << "the late reply of the call before is not taken for this one's";
+}
+
+// A socket's address takes 107 bytes, a folder's name as many as it likes.
+TEST(NetUnix, APathMayBeLong) {
+  const auto name = (std::filesystem::temp_directory_path() / "ferrobench-long-XXXXXX").string();
+  std::vector<char> made(name.c_str(), name.c_str() + name.size() + 1);
+  const std::filesystem::path root = mkdtemp(made.data());
+  const auto folder = root / std::string(120, 'd');
+  const auto path = (folder / "daemon.sock").string();
+  EXPECT_FALSE(Client::try_connect(path).has_value());
+  const int listening = listen_unix(path);
+  ASSERT_GE(listening, 0);
+  EXPECT_TRUE(std::filesystem::is_socket(path));
+  EXPECT_TRUE(Client::try_connect(path).has_value());
+  EXPECT_THROW(listen_unix(path), Error) << "it is taken";
+  close(listening);
+  EXPECT_THROW(listen_unix((folder / std::string(120, 's')).string()), Error) << "its name is too long";
+  std::filesystem::remove_all(root);
+}
+
+// A thread may be another user than its process, if that is root's.
+TEST(NetUnix, ClientDoesNotTalkToAnotherUsersProgram) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can play another user";
+  const auto path =
+      (std::filesystem::temp_directory_path() / ("foreign-" + std::to_string(getpid()))).string();
+  int listening = -1;
+  std::thread([&] {
+    syscall(SYS_setresuid, -1, 65534, -1);
+    listening = listen_unix(path);
+  }).join();
+  ASSERT_GE(listening, 0);
+  try {
+    Client::try_connect(path);
+    ADD_FAILURE() << "it trusts anybody";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::unauthorized);
+    EXPECT_NE(error.problems().at(0).message.find("65534"), std::string::npos);
+  }
+  close(listening);
+  unlink(path.c_str());
 }
 
 TEST(NetUnix, ClientSaysThatNoDaemonRuns) {

@@ -25,10 +25,11 @@ class RpcDispatcher : public testing::Test {
       set = l;
       return l;
     });
-    rpc.add<NoParams>({.name = "run.start", .doc = "fails"}, [](const NoParams&) {
-      throw Error(ErrorCode::busy, "a run goes on",
-                  Problem{.path = "/run", .message = "is not over", .hint = "wait"});
-    });
+    rpc.add<NoParams>({.name = "run.start", .doc = "fails", .errors = {ErrorCode::busy}},
+                      [](const NoParams&) {
+                        throw Error(ErrorCode::busy, "a run goes on",
+                                    Problem{.path = "/run", .message = "is not over", .hint = "wait"});
+                      });
     rpc.add<NoParams>({.name = "system.break", .doc = "breaks"},
                       [](const NoParams&) { throw std::runtime_error("secret detail"); });
     rpc.add<NoParams>({.name = "system.name", .doc = "not UTF-8"},

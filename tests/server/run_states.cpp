@@ -1,6 +1,7 @@
 #include "tests/server/run_states.h"
 
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <random>
 #include <thread>
@@ -42,10 +43,17 @@ class Board {
   mutable std::mutex mutex_;
 };
 
+// As slow as hardware may be, so that calls come while a run is being prepared.
+std::unique_ptr<daq::Device> open_slowly(const std::string& kind, const json& config) {
+  static std::atomic<unsigned> number{0};
+  usleep(1000 * (7 * ++number % 30));
+  return daq::open_device(kind, config);
+}
+
 struct Bench {
   Folder folder{};
   Hub hub{};
-  Engine engine{folder.path, hub};
+  Engine engine{folder.path, hub, open_slowly};
   Dispatcher rpc{};
   Board board{};
   Clock::time_point begin = Clock::now();
@@ -219,7 +227,8 @@ class Client {
     } else if (choice < 43) {
       ask("run.resume", {{"run", some_run()}});
     } else if (choice < 44) {
-      ask("run.abort", {{"run", some_run()}, {"reason", "enough"}});
+      ask("run.abort", {{"run", below(2) == 0 ? "" : some_run()}, {"reason", "enough"}});
+      if (below(2) == 0) ask("run.abort", {{"run", ""}, {"reason", "faster"}});
     } else if (choice < 45) {
       if (below(3) != 0) return;
       ask("job.cancel", {{"job", some_run()}});

@@ -114,12 +114,16 @@ void find_intervals(const std::vector<Ask>& asks, Traces& traces, Failures& fail
     read_json(ask.result, status, "", problems);
     if (status.run.empty()) continue;
     const auto found = traces.find(status.run);
+    // A start that was refused after all was being prepared meanwhile.
+    if (found == traces.end() && status.state == State::arming && !starts(ask)) continue;
     if (found == traces.end()) {
       failures.push_back(ask.method + " told of a run that nobody was told of: " + status.run);
       continue;
     }
     auto& [id, trace] = *found;
     if (starts(ask)) trace.possible.begin = std::min(trace.possible.begin, ask.begin);
+    if (ask.method == "run.abort" && status.state == State::arming && trace.states.back() != State::aborted)
+      failures.push_back(id + " went on though it was stopped before it moved");
     if (!is_over(status.state)) {
       trace.sure.begin = std::min(trace.sure.begin, ask.end);
       trace.sure.end = std::max(trace.sure.end, ask.begin);
@@ -187,6 +191,9 @@ std::string text(const Ask& ask) {
 
 // Errors that the method has, and one run at a time.
 void judge_answers(const std::vector<Ask>& asks, const Traces& traces, Figures& figures) {
+  std::vector<const Ask*> refused;  // these had the bench, too, until they were
+  for (const auto& ask : asks)
+    if (starts(ask) && !ask.error.empty()) refused.push_back(&ask);
   for (const auto& ask : asks) {
     const auto fail = [&](const std::string& what) { figures.failures.push_back(text(ask) + ": " + what); };
     ++figures.answers[ask.method + (ask.error.empty() ? "" : " " + ask.error)];
@@ -205,6 +212,9 @@ void judge_answers(const std::vector<Ask>& asks, const Traces& traces, Figures& 
           !ask.params.contains("idempotency_key"))
         fail("while " + id + " is under way");
     }
+    under_way = under_way || std::ranges::any_of(refused, [&](const Ask* other) {
+                  return other != &ask && other->begin <= ask.end && ask.begin <= other->end;
+                });
     if (ask.error == "busy" && !under_way) fail("no run was under way");
   }
 }

@@ -40,6 +40,13 @@ TEST(RunStates, TheJudgeFindsWhatCannotBe) {
   auto live = told("a", complete);
   live.status.output_at_zero = false;
   EXPECT_EQ(failures({start}, {told("a", arming), live}), 1u);
+  const Ask stop{.method = "run.abort",
+                 .params = {{"run", "a"}},
+                 .begin = 0.02,
+                 .end = 0.05,
+                 .result = {{"run", "a"}, {"state", "arming"}}};
+  EXPECT_EQ(failures({start, stop}, {told("a", arming), told("a", aborted)}), 0u);
+  EXPECT_EQ(failures({start, stop}, {told("a", arming), told("a", complete)}), 1u);
 
   const Ask lease{.client = 1,
                   .method = "lease.acquire",

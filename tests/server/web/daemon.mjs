@@ -1,5 +1,6 @@
 // A daemon of one's own, in a folder of its own, on a free port.
 import { spawn } from "node:child_process";
+import { readFileSync } from "node:fs";
 import { mkdtemp, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -7,7 +8,7 @@ import { createInterface } from "node:readline";
 
 const patience = 20_000;
 
-// {address, token, stop()}; the daemon prints the page's address with the token in it.
+// {address, token, stop()}; the daemon prints the page's address, and the token to a terminal alone.
 export async function startDaemon(program) {
   const folder = await mkdtemp(join(tmpdir(), "ferrobench-page-"));
   const child = spawn(program, ["--data", folder, "serve", "--port", "0", "--token-file", join(folder, "token")], { stdio: ["ignore", "pipe", "pipe"] });
@@ -21,8 +22,8 @@ export async function startDaemon(program) {
   const found = new Promise((resolve, reject) => {
     const read = (line) => {
       said.push(line);
-      const match = line.match(/(http:\/\/\S+?)\/?\?token=([0-9a-f]{64})/);
-      if (match) resolve({ address: match[1], token: match[2], stop });
+      const match = line.match(/(http:\/\/\S+?)\/?\?token=/);
+      if (match) resolve({ address: match[1], token: readFileSync(join(folder, "token"), "utf8").trim(), stop });
     };
     createInterface(child.stdout).on("line", read);
     createInterface(child.stderr).on("line", read);

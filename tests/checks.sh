@@ -1,0 +1,70 @@
+#!/bin/sh
+# What a change must pass beside the tests. 'sh tests/run.sh --checks' runs them; alone: sh tests/checks.sh [BUILD]
+#   format      clang-format on every source
+#   alone       every source of the program compiled by itself (the build joins those of a folder, so that one may lack
+#               an include and nobody sees it; sources of tests are never joined)
+#   sanitizers  ASan and UBSan while protocols, recordings, journals and damaged files are read
+#   tidy        clang-tidy on the sources of the program (not of its tests) that changed since the branch left main, or
+#               since the last tag, or in the last 20 commits; the latest first, for a minute and a half
+set -u
+root=$(cd "$(dirname "$0")/.." && pwd)
+mkdir -p "${1:-$root/build}/checks"
+work=$(cd "${1:-$root/build}/checks" && pwd)
+jobs=$(nproc)
+cd "$root" || exit 1
+
+configure() {  # configure FOLDER OPTIONS...
+  folder=$1
+  shift
+  cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DFERROBENCH_UNITY=OFF -DFERROBENCH_TESTS=ON "$@" >/dev/null
+}
+
+format() { git ls-files -z '*.cpp' '*.h' | xargs -0 clang-format --dry-run -Werror; }
+
+alone() {
+  configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 &&
+    ninja -C "$work/alone" -k 0 --quiet ferrobench_model ferrobench_daq ferrobench_server
+}
+
+sanitizers() {
+  configure "$work/sanitized" -DCMAKE_CXX_FLAGS_DEBUG="-O0 -g1" -DFERROBENCH_SANITIZE=address,undefined &&
+    ninja -C "$work/sanitized" --quiet protocols_test recordings_test &&
+    ctest --test-dir "$work/sanitized/tests/protocols" --parallel "$jobs" --output-on-failure &&
+    ctest --test-dir "$work/sanitized/tests/recordings" --parallel "$jobs" --output-on-failure
+}
+
+# What changed is compared with: where the branch left main; on main itself the last tag, or 20 commits ago.
+base() {
+  left=$(git merge-base HEAD origin/main 2>/dev/null || git merge-base HEAD main 2>/dev/null)
+  if [ -n "$left" ] && [ "$left" != "$(git rev-parse HEAD)" ]; then
+    echo "$left"
+  else
+    git describe --tags --abbrev=0 --match 'v[0-9]*' HEAD^ 2>/dev/null || git rev-parse -q --verify HEAD~20
+  fi
+}
+
+tidy() {
+  since=$(base) || { echo "there is no earlier commit to compare with"; return 0; }
+  configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 || return 1
+  known=$(sed -n 's/^ *"file": "\(.*\)",*$/\1/p' "$work/alone/compile_commands.json")
+  changed=$(git log --diff-filter=d --name-only --format= "$since..HEAD" -- protocols recordings model daq server | awk '!seen[$0]++' |
+    while read -r source; do
+      printf '%s\n' "$known" | grep -qxF "$root/$source" && [ -f "$source" ] && echo "$source"
+    done)
+  [ -n "$changed" ] || { echo "no source has changed"; return 0; }
+  printf '%s\n' "$changed" | timeout 90 xargs -P "$jobs" -n 1 clang-tidy -p "$work/alone" --quiet \
+    --extra-arg=-Wno-unknown-warning-option >"$work/tidy.found" 2>&1
+  end=$?
+  cat "$work/tidy.found"
+  [ $end != 124 ] || echo "not all of the $(printf '%s\n' "$changed" | wc -l) changed sources were looked at in the time there is"
+  { [ $end = 0 ] || [ $end = 124 ]; } && ! grep -q 'warnings-as-errors' "$work/tidy.found"
+}
+
+failed=""
+for check in format sanitizers alone tidy; do
+  begin=$(date +%s)
+  if ("$check") >"$work/$check.log" 2>&1; then end=passed; else end=FAILED failed="$failed $check"; fi
+  echo "$check: $end, $(($(date +%s) - begin)) s"
+  if [ "$end" = FAILED ] || [ "$check" = tidy ]; then grep -v ' warnings generated\.$' "$work/$check.log" | tail -n 60; fi
+done
+[ -z "$failed" ]
