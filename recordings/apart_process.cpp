@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cerrno>
 #include <csignal>
 #include <limits>
@@ -88,7 +89,7 @@ ReadingChild::ReadingChild(std::string_view wanted, std::span<const std::string>
   const std::array<char*, 5> arguments{name.data(), what.data(), milliseconds.data(), bytes.data(), nullptr};
   int failed = posix_spawn(&child_, "/proc/self/exe", &files, &how, arguments.data(), environ);
   if (failed == ENOENT)  // a root without /proc: by the path that this program was started by
-    failed = posix_spawn(&child_, reinterpret_cast<const char*>(getauxval(AT_EXECFN)), &files, &how,
+    failed = posix_spawn(&child_, std::bit_cast<const char*>(getauxval(AT_EXECFN)), &files, &how,
                          arguments.data(), environ);
   posix_spawn_file_actions_destroy(&files);
   posix_spawnattr_destroy(&how);
