@@ -107,15 +107,18 @@ Recovery recover_locked(const JournalReader& journal, const std::string& path,
         std::to_string(out.rows) + " samples, until it broke off after " + seconds(journal.last_time());
   }
   const bool damaged = journal.tail() == Tail::damaged;
+  auto aside = from + ".damaged";  // of a name that an earlier one may have
+  for (int number = 2; fs::exists(fs::symlink_status(aside)); ++number)
+    aside = from + ".damaged-" + std::to_string(number);
   if (damaged) {
     const auto text =
         std::to_string(out.bytes_lost) + " bytes at the end of the journal were damaged and left out";
     events.push_back({journal.last_time(), "damage", text});
-    out.message += "; " + text + " (kept in " + fs::path(from).filename().string() + ".damaged)";
+    out.message += "; " + text + " (kept in " + fs::path(aside).filename().string() + ")";
   }
   pack(journal, ending, events, path, Existing::keep, progress);
   if (damaged)
-    rename_durably(from, from + ".damaged");
+    rename_durably(from, aside);
   else
     remove_file(from);
   return out;

@@ -3,6 +3,7 @@
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
 
+#include "daq/not_at_zero.h"
 #include "daq/replay/tape.h"
 #include "recordings/iso_time.h"
 #include "server/engine/live.h"
@@ -377,7 +378,16 @@ void Engine::close_device(const std::string& id) {
   Lock lock(mutex_);
   closed = std::move(free_device(id, "the device cannot be closed", lock).device);
   devices_.erase(id);
+  const double slew = limits_.stop_slew;
   lock.unlock();
+  if (closed->output() == 0) return;
+  try {
+    closed->go_to(0, slew);
+  } catch (const std::exception& failure) {
+    const auto warning = daq::not_at_zero(failure.what());
+    hazards_.add(text_at(closed->info(), "serial_number"), warning);
+    throw Error(ErrorCode::device_lost, "the device is closed, but " + warning);
+  }
 }
 
 std::vector<std::string> Engine::open_devices() const {

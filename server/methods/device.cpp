@@ -100,9 +100,10 @@ void add_device_methods(Dispatcher& rpc, Engine& engine) {
                   ErrorCode::io_error, ErrorCode::limit_exceeded}},
       [&engine](const OpenParams& p) { return opened(engine, engine.open_device(p.device, p.config)); });
   rpc.add<DeviceParams>({.name = "device.close",
-                         .doc = "Closes an open device.",
+                         .doc = "Brings an open device's output to zero and closes it.",
                          .role = Role::control,
-                         .errors = {ErrorCode::not_found, ErrorCode::busy, ErrorCode::bad_state}},
+                         .errors = {ErrorCode::not_found, ErrorCode::busy, ErrorCode::bad_state,
+                                    ErrorCode::device_lost}},
                         [&engine](const DeviceParams& p) { engine.close_device(p.device); });
   rpc.add<DeviceParams>(
       {.name = "device.info",

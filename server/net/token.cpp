@@ -30,8 +30,9 @@ constexpr std::size_t digits = 64;
 // Written under another name and linked, so that nobody ever reads half a token.
 void create(const std::filesystem::path& file) {
   std::error_code ec;
-  if (std::filesystem::create_directories(file.parent_path(), ec))
-    std::filesystem::permissions(file.parent_path(), std::filesystem::perms::owner_all, ec);
+  const auto folder = file.parent_path();
+  if (!folder.empty() && std::filesystem::create_directories(folder, ec))
+    std::filesystem::permissions(folder, std::filesystem::perms::owner_all, ec);
   if (ec) fail_errno(file, ec.value());
   std::string draft = file.string() + ".XXXXXX";
   const std::string text = random_secret() + "\n";

@@ -58,7 +58,7 @@ enum class Fault {
 };
 inline constexpr int fault_count = 11;
 
-class FaultyDevice final : public Device {
+class FaultyDevice : public Device {
  public:
   explicit FaultyDevice(const Limits& limits) : watched(limits) {}
 

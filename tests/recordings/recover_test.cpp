@@ -209,6 +209,15 @@ TEST(Recover, DamageIsCutOffSaidAndKeptAside) {
   EXPECT_TRUE(has_event(r, "damage"));
   EXPECT_EQ(slurp(path + ".journal.damaged"), bytes);
   EXPECT_EQ(recover_recording(path).outcome, Recovered::already_whole);
+
+  remove_recording(path);
+  leave(path, whole, 300);
+  auto others = slurp(path + ".journal");
+  others[others.size() / 3] ^= 4;
+  spill(path + ".journal", others);
+  EXPECT_THAT(recover_recording(path).message, HasSubstr("a.h5.journal.damaged-2"));
+  EXPECT_EQ(slurp(path + ".journal.damaged"), bytes);
+  EXPECT_EQ(slurp(path + ".journal.damaged-2"), others);
 }
 
 // The program died after the last sample, while the file was made or before the journal was gone.

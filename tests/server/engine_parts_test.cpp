@@ -189,7 +189,7 @@ TEST_F(EngineTest, DiscrepanciesAreSearchedForByJobs) {
   EXPECT_EQ(code_of([&] { call("discrepancy.start", {{"tables", {"9.99"}}}); }), ErrorCode::not_found);
   const auto wait = [&](const std::string& job, auto&& until) {
     json status;
-    for (int i = 0; i < 100000; ++i, usleep(5000)) {
+    for (int i = 0; i < 60000; ++i, usleep(5000)) {
       status = call("discrepancy.status", {{"job", job}});
       if (until(status)) return status;
     }

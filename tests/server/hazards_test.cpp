@@ -92,5 +92,49 @@ TEST_F(HazardTest, WhatADeadProgramLeftIsSaidUntilTheUnitWasOpened) {
   EXPECT_EQ(engine.status().warning, "");
 }
 
+// A device whose output stands at 0.1 kV/mm when it is closed.
+struct ClosingTest : HazardTest {
+  // What its output stands at when it goes.
+  struct Closed final : daq::FaultyDevice {
+    Closed(double& level) : FaultyDevice(daq::Limits{}), last(level) {}
+    ~Closed() override { last = output(); }
+    double& last;
+  };
+  int deaf = 0;
+  double left_at = -1;
+  daq::FaultyDevice* device = nullptr;
+  Engine bench{folder.path / "closing", hub, [this](const std::string&, const nlohmann::json&) {
+                 auto opened = std::make_unique<Closed>(left_at);
+                 opened->watched.put(1e5, 1);
+                 opened->deaf = deaf;
+                 device = opened.get();
+                 return opened;
+               }};
+};
+
+TEST_F(ClosingTest, BringsTheOutputToZeroFirst) {
+  const auto id = bench.open_device("faulty", nlohmann::json::object());
+  EXPECT_NE(device->output(), 0);
+  bench.close_device(id);
+  EXPECT_EQ(left_at, 0);
+  EXPECT_TRUE(bench.open_devices().empty());
+  EXPECT_EQ(bench.status().warning, "");
+}
+
+TEST_F(ClosingTest, SaysThatTheDeviceDoesNotObey) {
+  deaf = 1000;
+  const auto id = bench.open_device("faulty", nlohmann::json::object());
+  try {
+    bench.close_device(id);
+    ADD_FAILURE() << "nothing was said";
+  } catch (const Error& failure) {
+    EXPECT_EQ(failure.code(), ErrorCode::device_lost);
+    EXPECT_THAT(failure.message(), AllOf(words, HasSubstr("no answer")));
+  }
+  EXPECT_TRUE(bench.open_devices().empty());
+  EXPECT_FALSE(bench.status().output_at_zero);
+  EXPECT_THAT(bench.status().warning, words);
+}
+
 }  // namespace
 }  // namespace ferrobench::server

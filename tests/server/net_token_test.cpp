@@ -52,6 +52,14 @@ TEST_F(NetToken, IsMadeOnceForItsOwnerOnly) {
       << "no draft is left";
 }
 
+TEST_F(NetToken, AFileNeedsNoFolderBeforeItsName) {
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(folder);
+  const auto token = load_or_create_token("token");
+  std::filesystem::current_path(before);
+  EXPECT_EQ(load_or_create_token(folder / "token"), token);
+}
+
 TEST_F(NetToken, FirstStartsAtOnceAgree) {
   std::array<std::string, 4> tokens;
   std::vector<std::thread> threads;
