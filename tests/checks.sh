@@ -1,8 +1,8 @@
 #!/bin/sh
 # What a change must pass beside the tests. 'sh tests/run.sh --checks' runs them; alone: sh tests/checks.sh [BUILD]
 #   format      clang-format on every source
-#   alone       every source of the program compiled by itself (the build joins those of a folder, so that one may lack
-#               an include and nobody sees it; sources of tests are never joined)
+#   alone       every source of the program parsed by itself, with all warnings (the build joins those of a folder, so that
+#               one may lack an include and nobody sees it)
 #   sanitizers  ASan and UBSan while protocols, recordings, journals and damaged files are read
 #   tidy        clang-tidy on the sources of the program (not of its tests) that changed since the branch left main, or
 #               since the last tag, or in the last 20 commits; the latest first, for a minute and a half
@@ -16,14 +16,32 @@ cd "$root" || exit 1
 configure() {  # configure FOLDER OPTIONS...
   folder=$1
   shift
-  cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DFERROBENCH_UNITY=OFF -DFERROBENCH_TESTS=ON "$@" >/dev/null
+  cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DFERROBENCH_TESTS=ON "$@" >/dev/null
 }
 
 format() { git ls-files -z '*.cpp' '*.h' | xargs -0 clang-format --dry-run -Werror; }
 
+# Prints a command that parses each source of the program by itself. json.hpp, half of what there is to parse, is read
+# once for all.
+commands() {
+  configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 -DFERROBENCH_UNITY=OFF -DCCACHE=OFF || return 1
+  python3 - "$work/alone/compile_commands.json" "$root" "$work/json.h" <<'end'
+import json, shlex, sys
+for entry in json.load(open(sys.argv[1])):
+    folder = entry["file"].removeprefix(sys.argv[2] + "/").split("/")[0]
+    if folder in ("protocols", "recordings", "model", "daq", "server"):
+        words = iter(w for w in shlex.split(entry["command"]) if w not in ("-MD", "-c"))
+        print(shlex.join(w for w in words if w not in ("-MT", "-MF", "-o") or not next(words)),
+              "-fsyntax-only -include", sys.argv[3])
+end
+}
+
 alone() {
-  configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 &&
-    ninja -C "$work/alone" -k 0 --quiet ferrobench_model ferrobench_daq ferrobench_server
+  commands >"$work/commands" && [ -s "$work/commands" ] || return 1
+  echo '#include <nlohmann/json.hpp>' >"$work/json.h"
+  # Any of the program's options will do, but they must be those of all.
+  sh -c "$(head -n 1 "$work/commands" | sed 's/ [^ ]*\.cpp .*//') -x c++-header '$work/json.h' -o '$work/json.h.gch'"
+  xargs -d '\n' -P "$jobs" -I {} sh -c '{}' <"$work/commands"
 }
 
 sanitizers() {
@@ -45,7 +63,7 @@ base() {
 
 tidy() {
   since=$(base) || { echo "there is no earlier commit to compare with"; return 0; }
-  configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 || return 1
+  configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 -DFERROBENCH_UNITY=OFF -DCCACHE=OFF || return 1
   known=$(sed -n 's/^ *"file": "\(.*\)",*$/\1/p' "$work/alone/compile_commands.json")
   changed=$(git log --diff-filter=d --name-only --format= "$since..HEAD" -- protocols recordings model daq server | awk '!seen[$0]++' |
     while read -r source; do
