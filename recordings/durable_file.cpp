@@ -99,12 +99,15 @@ Descriptor create_locked(const std::string& path, LockFailure failure, int flags
   }
 }
 
-// Whoever had the file locked may have put another one in its place, which somebody else may lock before this caller
-// gets to it, again and again. So every caller goes through a gate, a lock of the folder, and who has waited in vain
-// closes it until it is served. Where a folder cannot be locked there is no gate, and a wait has no bound.
+// Whoever had the file locked may have put another one in its place, which somebody else may lock before this
+// caller gets to it, again and again. So every caller goes through a gate, a lock of the folder, and who has
+// waited in vain closes it until it is served. Where a folder cannot be locked there is no gate, and a wait
+// has no bound.
 Descriptor open_locked(const std::string& path) {
   const auto folder = open_file(folder_of(path), O_RDONLY | O_DIRECTORY);
-  const auto gate = [&](int operation) { repeat_interrupted([&] { return flock(folder.get(), operation); }); };
+  const auto gate = [&](int operation) {
+    repeat_interrupted([&] { return flock(folder.get(), operation); });
+  };
   gate(LOCK_EX);
   gate(LOCK_UN);
   for (;; gate(LOCK_EX)) {  // with no file held: who closed the gate may be waiting for it

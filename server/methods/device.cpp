@@ -99,12 +99,12 @@ void add_device_methods(Dispatcher& rpc, Engine& engine) {
                   ErrorCode::bad_recording, ErrorCode::device_unavailable, ErrorCode::device_lost,
                   ErrorCode::io_error, ErrorCode::limit_exceeded}},
       [&engine](const OpenParams& p) { return opened(engine, engine.open_device(p.device, p.config)); });
-  rpc.add<DeviceParams>({.name = "device.close",
-                         .doc = "Brings an open device's output to zero and closes it.",
-                         .role = Role::control,
-                         .errors = {ErrorCode::not_found, ErrorCode::busy, ErrorCode::bad_state,
-                                    ErrorCode::device_lost}},
-                        [&engine](const DeviceParams& p) { engine.close_device(p.device); });
+  rpc.add<DeviceParams>(
+      {.name = "device.close",
+       .doc = "Brings an open device's output to zero and closes it.",
+       .role = Role::control,
+       .errors = {ErrorCode::not_found, ErrorCode::busy, ErrorCode::bad_state, ErrorCode::device_lost}},
+      [&engine](const DeviceParams& p) { engine.close_device(p.device); });
   rpc.add<DeviceParams>(
       {.name = "device.info",
        .doc = "What an open device says of itself.",
