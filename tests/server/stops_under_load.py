@@ -68,7 +68,12 @@ reports = 0
 def view():
     global reports
     while not over.is_set():
-        reply = call("recording.report", {"name": name, "format": "html"})
+        try:
+            reply = call("recording.report", {"name": name, "format": "html"})
+        except (OSError, http.client.HTTPException):
+            if over.is_set():
+                return  # the daemon has gone
+            raise
         reports += "result" in reply
 
 
