@@ -18,8 +18,7 @@ Model model_for(const Model& model, const recordings::Header& recording) {
   return out;
 }
 
-Trajectory simulate_on(const Model& model, const recordings::Recording& recording,
-                       const SimulationOptions& options, bool estimate_quadrature) {
+std::vector<double> played_field(const recordings::Recording& recording) {
   const auto source = recording.has(Channel::command) ? Channel::command : Channel::field;
   if (!recording.has(source))
     throw Error(ErrorCode::bad_recording, "there is no field to play",
@@ -41,7 +40,13 @@ Trajectory simulate_on(const Model& model, const recordings::Recording& recordin
                 Problem{.path = "/entry/data/" + std::string(channel_name(source)),
                         .message = "has no finite value"});
   for (std::size_t k = last + 1; k < drive.size(); ++k) drive[k] = drive[last];
-  return simulate(model_for(model, recording.header), recording.time, drive, options, estimate_quadrature);
+  return drive;
+}
+
+Trajectory simulate_on(const Model& model, const recordings::Recording& recording,
+                       const SimulationOptions& options, bool estimate_quadrature) {
+  return simulate(model_for(model, recording.header), recording.time, played_field(recording), options,
+                  estimate_quadrature);
 }
 
 const std::vector<double>& channel_of(const Trajectory& t, Channel channel) {

@@ -9,8 +9,11 @@ namespace ferrobench::model {
 // The recording's specimen and load win over the model's actuator and load.
 Model model_for(const Model& model, const recordings::Header& recording);
 
-// Its command (the measured field if there is none) at its own times; gaps in it are bridged by a straight
-// line. Throws Error(bad_recording) if it has neither.
+// The field that the recording was driven by: its command, or the measured field if there is none, in V/m at
+// its own times; gaps are bridged by a straight line. Throws Error(bad_recording) if it has neither.
+std::vector<double> played_field(const recordings::Recording& recording);
+
+// What the model gives at the recording's times under the played field.
 Trajectory simulate_on(const Model& model, const recordings::Recording& recording,
                        const SimulationOptions& options = {}, bool estimate_quadrature = false);
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/fit/parameters.h"
+#include "model/inference/parameters/parameters.h"
 
 namespace ferrobench::model::discrepancy {
 namespace {

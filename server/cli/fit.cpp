@@ -1,5 +1,9 @@
+#include <fmt/format.h>
+
+#include <cmath>
 #include <cstdio>
 #include <iostream>
+#include <utility>
 
 #include "recordings/file.h"
 #include "server/cli/link.h"
@@ -18,14 +22,38 @@ struct FitOptions {
   std::string model, out;
 };
 
+// Pairs of parameters whose errors go together so closely that the data hardly tell them apart.
+void print_correlations(const json& result) {
+  constexpr double close = 0.95;
+  const auto& names = result.at("parameters");
+  bool first = true;
+  for (std::size_t i = 0; result.contains("correlations") && i < names.size(); ++i)
+    for (std::size_t k = i + 1; k < names.size(); ++k) {
+      const double r = result.at("correlations").at(i).at(k).get<double>();
+      if (std::abs(r) < close) continue;
+      std::printf("%s%s and %s: correlation %.3f\n", std::exchange(first, false) ? "\n" : "",
+                  names.at(i).at("path").get<std::string>().c_str(),
+                  names.at(k).at("path").get<std::string>().c_str(), r);
+    }
+}
+
 void print_result(const json& result) {
   if (!result.contains("parameters")) return;
-  std::printf("%-44s %12s %12s %10s   %s\n", "parameter", "from", "to", "std", "range");
-  for (const auto& p : result.at("parameters"))
-    std::printf("%-44s %12.5g %12.5g %10.2g   %.3g to %.3g%s\n", p.at("path").get<std::string>().c_str(),
-                p.at("from").get<double>(), p.at("to").get<double>(), p.at("std").get<double>(),
-                p.at("low").get<double>(), p.at("high").get<double>(),
-                p.at("at_bound").get<bool>() ? "  AT ITS BOUND" : "");
+  std::printf("%-38s %11s %11s   %-23s %s\n", "parameter", "from", "to", "95 % interval", "");
+  for (const auto& p : result.at("parameters")) {
+    std::string interval, remark;
+    if (p.contains("interval"))
+      interval = fmt::format("{:.4g} to {:.4g}", p.at("interval").at(0).get<double>(),
+                             p.at("interval").at(1).get<double>());
+    if (p.at("at_bound").get<bool>())
+      remark = fmt::format("AT ITS BOUND ({:.3g} to {:.3g})", p.at("low").get<double>(),
+                           p.at("high").get<double>());
+    else if (!p.value("determined", true))
+      remark = "not determined";
+    std::printf("%-38s %11.5g %11.5g   %-23s %s\n", p.at("path").get<std::string>().c_str(),
+                p.at("from").get<double>(), p.at("to").get<double>(), interval.c_str(), remark.c_str());
+  }
+  print_correlations(result);
   std::printf("\n%-44s %12s %12s\n", "root mean square", "before", "after");
   for (const auto& [name, value] : result.at("after").items())
     std::printf("%-44s %12.5g %12.5g\n", name.c_str(), result.at("before").at(name).get<double>(),
@@ -54,8 +82,7 @@ json fit_here(const FitOptions& o, const Common& common) {
       [&](const model::FitProgress& p) {
         const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
         const double left = p.fraction > 0 ? spent.count() * (1 - p.fraction) / p.fraction : -1;
-        line.show("start " + std::to_string(p.start + 1) + " of " + std::to_string(p.starts), p.fraction,
-                  left);
+        line.show(p.stage, p.fraction, left);
         return Interrupt::count() == 0;
       },
       [] { return Interrupt::count() > 0; });
@@ -106,13 +133,14 @@ void add_fit(CLI::App& app, Common& common) {
            "--free", o->request.free,
            "a parameter that moves, for example material.barrier; again for more; default: the usual ones"))
       ->type_name("PATH");
-  sub->add_option("--starts", o->request.starts, "searches, the first from the model given")
+  sub->add_option("--starts", o->request.starts,
+                  "the first is the model given, each of the others comes from a global search")
       ->check(number_from(1, 1000))
       ->capture_default_str();
-  sub->add_option("--iterations", o->request.iterations, "of each start, at most")
+  sub->add_option("--iterations", o->request.iterations, "of each least-squares solution, at most")
       ->check(number_from(1, 10000))
       ->capture_default_str();
-  sub->add_option("--seed", o->request.seed, "of the other starts")
+  sub->add_option("--seed", o->request.seed, "of the global searches")
       ->check(number_from(0))
       ->capture_default_str();
   sub->add_option("--out", o->out, "file of the fitted model")->type_name("OUT.json")->required();

@@ -8,10 +8,10 @@ using nlohmann::json;
 
 namespace {
 
-json summary_of(const model::FitTarget& target, const model::Model& model,
+json summary_of(const model::ResidualModel& residuals, const model::Model& model,
                 const model::SimulationOptions& options) {
   json out = json::object();
-  for (const auto& [name, value] : target.summary(model, options)) out[name] = value;
+  for (const auto& [name, value] : residuals.summary(model, {.simulation = options})) out[name] = value;
   return out;
 }
 
@@ -34,16 +34,16 @@ std::map<std::string, double> numbers_of(const json& set) {
   return out;
 }
 
-std::unique_ptr<model::FitTarget> target_of(const FitRequest& request,
-                                            std::vector<recordings::Recording> recordings) {
+std::unique_ptr<model::ResidualModel> residuals_of(const FitRequest& request,
+                                                   std::vector<recordings::Recording> recordings) {
   if (request.tables.empty() == recordings.empty())
     throw Error(ErrorCode::invalid_params, "a fit comes near to tables or to recordings",
                 Problem{.path = "/tables",
                         .message = recordings.empty() ? "is missing, and so are recordings"
                                                       : "cannot be fitted together with recordings",
                         .hint = "for example the table 3.13, or a recording"});
-  return recordings.empty() ? model::table_target(request.tables, numbers_of(request.set))
-                            : model::recording_target(std::move(recordings));
+  return recordings.empty() ? model::table_residuals(request.tables, numbers_of(request.set))
+                            : model::recording_residuals(std::move(recordings));
 }
 
 }  // namespace
@@ -53,7 +53,7 @@ json fit_model(const FitRequest& request, const model::Model& start,
                const std::function<bool(const model::FitProgress&)>& progress,
                const std::function<bool()>& stop) {
   if (request.calibrate) return calibrated(start, recordings);
-  const auto target = target_of(request, std::move(recordings));
+  const auto residuals = residuals_of(request, std::move(recordings));
   model::FitOptions options;
   options.starts = static_cast<int>(request.starts);
   options.iterations = static_cast<int>(request.iterations);
@@ -63,29 +63,33 @@ json fit_model(const FitRequest& request, const model::Model& start,
   for (const auto& path : request.free) options.free.push_back(model::free_parameter(start, path));
   if (options.free.empty()) options.free = model::default_free_parameters(start);
 
-  const auto result = model::fit(start, *target, options);
+  const auto result = model::fit(start, *residuals, options);
   // What was stopped is not simulated again to say how well it did.
   const auto summary = [&](const model::Model& m) {
-    return result.stopped ? json::object() : summary_of(*target, m, options.simulation);
+    return result.stopped ? json::object() : summary_of(*residuals, m, options.simulation);
   };
   json parameters = json::array();
-  for (const auto& p : result.parameters)
+  for (const auto& p : result.parameters) {
     parameters.push_back({{"path", p.free.path},
                           {"from", p.from},
                           {"to", p.to},
-                          {"std", p.std},
                           {"low", p.free.low},
                           {"high", p.free.high},
                           {"at_bound", p.at_bound}});
-  return {{"model", model::to_json(result.model)},
-          {"parameters", std::move(parameters)},
-          {"before", summary(start)},
-          {"after", summary(result.model)},
-          {"cost_before", result.cost_before},
-          {"cost_after", result.cost_after},
-          {"simulations", result.simulations},
-          {"stopped", result.stopped},
-          {"unused", target->unused()}};
+    if (!result.stopped)
+      parameters.back().update({{"std", p.std}, {"interval", {p.low, p.high}}, {"determined", p.determined}});
+  }
+  json out = {{"model", model::to_json(result.model)},
+              {"parameters", std::move(parameters)},
+              {"before", summary(start)},
+              {"after", summary(result.model)},
+              {"cost_before", result.cost_before},
+              {"cost_after", result.cost_after},
+              {"simulations", result.simulations},
+              {"stopped", result.stopped},
+              {"unused", residuals->unused()}};
+  if (!result.stopped) out["correlations"] = result.correlations;
+  return out;
 }
 
 }  // namespace ferrobench::server

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "model/fit/fit.h"
+#include "model/inference/study/fit.h"
 #include "protocols/common/fields.h"
 
 namespace ferrobench::server {
@@ -22,18 +22,25 @@ void describe(Visitor& visit, FitRequest& r) {
   visit("tables", r.tables, {.doc = "published tables to come near to, fitted together"});
   visit("free", r.free, {.doc = "paths of the parameters that move, for example material.barrier"});
   visit("set", r.set, {.doc = "parameters of the tables' protocols, for example {\"rate\": 10}"});
-  visit("starts", r.starts, {.min = 1, .max = 1000, .doc = "searches, the first from the model given"});
-  visit("iterations", r.iterations, {.min = 1, .max = 10000, .doc = "of each start, at most"});
-  visit("seed", r.seed, {.min = 0, .doc = "of the other starts"});
+  visit("starts", r.starts,
+        {.min = 1,
+         .max = 1000,
+         .doc = "starts: the first is the model given, each of the others comes from a global search"});
+  visit("iterations", r.iterations,
+        {.min = 1, .max = 10000, .doc = "of each least-squares solution, at most"});
+  visit("seed", r.seed, {.min = 0, .doc = "of the global searches"});
   visit("calibrate", r.calibrate,
         {.doc = "take the critical force of the parametrized polycrystal from one slow loop, or from two at "
                 "different prestress; nothing is fitted"});
 }
 
-// {model, parameters: [{path, from, to, std, low, high, at_bound}], before, after: {name: rms}, cost_before,
-// cost_after, simulations, stopped, unused: [sentence]}; a calibration gives {model} alone. `progress`
-// returns false, between simulations, and `stop` true, in their middle, to end with the best so far: then
-// there is no before and after. Throws Error(invalid_params) if there is nothing to fit to, or both.
+// {model, parameters: [{path, from, to, std, interval, determined, low, high, at_bound}], correlations,
+// before, after: {name: rms}, cost_before, cost_after, simulations, stopped, unused: [sentence]}: `low` and
+// `high` are the range, `interval` is that of 95 %, `correlations` a row for each parameter. What was stopped
+// has no uncertainty: `std`, `interval`, `determined` and `correlations` are then absent. A calibration gives
+// {model} alone. `progress` returns false, between simulations, and `stop` true, in their middle, to end with
+// the best so far: then there is no before and after. Throws Error(invalid_params) if there is nothing to fit
+// to, or both.
 nlohmann::json fit_model(const FitRequest& request, const model::Model& start,
                          std::vector<recordings::Recording> recordings,
                          const std::function<bool(const model::FitProgress&)>& progress,

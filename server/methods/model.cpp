@@ -114,8 +114,7 @@ json fit(Engine& engine, const FitParams& p, Jobs::Handle& job) {
   auto result = fit_model(
       p.request, start, std::move(recordings),
       [&job](const model::FitProgress& progress) {
-        job.say(progress.fraction,
-                "start " + std::to_string(progress.start + 1) + " of " + std::to_string(progress.starts));
+        job.say(progress.fraction, progress.stage);
         return !job.cancelled();
       },
       [&job] { return job.cancelled(); });

@@ -12,8 +12,8 @@
 #include "model/discrepancy/naming.h"
 #include "model/discrepancy/noise.h"
 #include "model/discrepancy/report.h"
-#include "model/fit/fit.h"
-#include "model/fit/parameters.h"
+#include "model/inference/parameters/parameters.h"
+#include "model/inference/study/fit.h"
 #include "model/simulator.h"
 #include "recordings/file.h"
 

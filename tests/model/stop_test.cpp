@@ -8,7 +8,7 @@
 
 #include "model/discrepancy/bench.h"
 #include "model/discrepancy/discover.h"
-#include "model/fit/fit.h"
+#include "model/inference/study/fit.h"
 #include "tests/model/measured.h"
 
 namespace ferrobench::model {
@@ -107,14 +107,14 @@ TEST(Stopping, ASearchInTables) {
 TEST(Stopping, AFitKeepsTheBestSoFar) {
   const auto truth = library_model("soft-pzt");
   std::vector<recordings::Recording> recordings{triangles(8)};
-  const auto target = recording_target(std::move(recordings));
+  const auto target = recording_residuals(std::move(recordings));
   FitOptions options;
   options.simulation = coarse;
   int asked = 0;
   const std::function<bool()> count = [&] { return ++asked < 0; };
   options.simulation.stop = &count;
   std::vector<double> residuals(target->size());
-  target->residuals(truth, options.simulation, residuals);
+  target->evaluate(truth, {.simulation = options.simulation}, residuals);
   const int once = asked;
   ASSERT_GT(once, 20);
   asked = 0;

@@ -294,7 +294,7 @@ TEST_F(EngineTest, TablesAndFitsAreJobsThatCanBeStopped) {
 
   const auto fit = call("model.fit", {{"tables", {"3.13"}}, {"model", "soft-pzt"}, {"name", "kept"}});
   const auto at_work = [&] {  // its first simulation is over, so that there is a best so far
-    return call("job.status", {{"job", fit["job"]}})["stage"].get<std::string>().starts_with("start 1");
+    return call("job.status", {{"job", fit["job"]}})["stage"].get<std::string>().starts_with("searching");
   };
   for (int i = 0; i < 60000 && !at_work(); ++i) usleep(5000);
   call("job.cancel", {{"job", fit["job"]}});

@@ -29,8 +29,14 @@ struct FreeParameter {
 // literature's spread (soft and hard compositions, -20 to 100 degC), for effects from the catalogue.
 FreeParameter free_parameter(const Model& model, std::string_view path);
 
-// Between a parameter and the number in (-inf, inf) that an unconstrained search moves.
-double to_search(const FreeParameter& p, double value);
-double from_search(const FreeParameter& p, double z);
+// Between a parameter and its place u in its range: 0 at `low`, 1 at `high`, and in between linear in the
+// value or in its logarithm. A value outside the range goes to its nearer end.
+double to_unit(const FreeParameter& p, double value);
+double from_unit(const FreeParameter& p, double u);
+
+// Parameters that a fit frees if nothing is said: material and polycrystal without what no recording can tell
+// (temperature), and the parameters of the model's effects. Spreads that are zero stay so: switching one on
+// is an effect, not a fit. The bias field is free even at zero, for an amplifier's offset acts like one.
+std::vector<FreeParameter> default_free_parameters(const Model& model);
 
 }  // namespace ferrobench::model

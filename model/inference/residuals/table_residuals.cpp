@@ -1,27 +1,36 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/fit/fit.h"
 #include "model/fit/published.h"
+#include "model/inference/residuals/residual_model.h"
 
 namespace ferrobench::model {
 namespace {
 
-class TableTarget final : public FitTarget {
+class TableResiduals final : public ResidualModel {
  public:
-  TableTarget(const std::vector<std::string>& tables, const std::map<std::string, double>& parameters)
+  TableResiduals(const std::vector<std::string>& tables, const std::map<std::string, double>& parameters)
       : experiments_(tables, parameters) {
-    for (const auto& table : experiments_.tables())
-      size_ += table.cells.size() + (has_trends(table) ? trends(table).size() : 0);
+    for (const auto& table : experiments_.tables()) {
+      const auto count = table.cells.size() + (has_trends(table) ? trends(table).size() : 0);
+      parts_.push_back({"table " + table.name, size_, count});
+      size_ += count;
+    }
   }
 
-  std::size_t size() const override { return size_; }
-
-  void residuals(const Model& model, const SimulationOptions& options, std::span<double> out) const override {
+  Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const override {
     std::size_t next = 0;
-    auto bounded = options;
-    if (bounded.most_steps == 0) bounded.most_steps = most_steps_of_a_run;
-    for (const auto& [table, cells, scale, error] : experiments_.simulate(model, bounded)) {
+    auto bounded = fidelity.simulation;
+    if (bounded.most_steps == 0)
+      bounded.most_steps = fidelity.drive_tolerance > 0 ? most_steps_of_a_run : 50 * most_steps_of_a_run;
+    std::vector<recordings::Comparison> comparisons;
+    try {
+      comparisons = experiments_.simulate(model, bounded);
+    } catch (const Error& e) {
+      if (e.code() == ErrorCode::numerical || e.code() == ErrorCode::bad_model) return Solved::no;
+      throw;
+    }
+    for (const auto& [table, cells, scale, error] : comparisons) {
       std::vector<double> logs;
       for (const auto& cell : cells) {
         logs.push_back(log_error(cell));
@@ -30,12 +39,13 @@ class TableTarget final : public FitTarget {
       if (has_trends(table))
         for (const auto& [low, high] : trends(table)) out[next++] = against_trend(table, logs, low, high);
     }
+    return std::ranges::all_of(out, [](double r) { return std::isfinite(r); }) ? Solved::yes : Solved::no;
   }
 
   std::vector<std::pair<std::string, double>> summary(const Model& model,
-                                                      const SimulationOptions& options) const override {
+                                                      const Fidelity& fidelity) const override {
     std::vector<std::pair<std::string, double>> out;
-    for (const auto& comparison : experiments_.simulate(model, options))
+    for (const auto& comparison : experiments_.simulate(model, fidelity.simulation))
       for (const auto& [quantity, error] : comparison.rms_log_error)
         out.emplace_back("table " + comparison.table.name + ", " + quantity, error);
     return out;
@@ -74,14 +84,13 @@ class TableTarget final : public FitTarget {
   }
 
   PublishedExperiments experiments_;
-  std::size_t size_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<FitTarget> table_target(const std::vector<std::string>& tables,
-                                        const std::map<std::string, double>& parameters) {
-  return std::make_unique<TableTarget>(tables, parameters);
+std::unique_ptr<ResidualModel> table_residuals(const std::vector<std::string>& tables,
+                                               const std::map<std::string, double>& parameters) {
+  return std::make_unique<TableResiduals>(tables, parameters);
 }
 
 recordings::Comparison simulate_table(const Model& model, const std::string& table,

@@ -1,4 +1,4 @@
-#include "model/fit/parameters.h"
+#include "model/inference/parameters/parameters.h"
 
 #include <algorithm>
 #include <array>
@@ -62,10 +62,10 @@ void collect(const nlohmann::json& json, const std::string& path, std::vector<st
 }
 
 constexpr std::array<std::tuple<std::string_view, double, double, bool>, 22> ranges{{
-    {"material.remanent_polarization", 0.15, 0.5, true},
-    {"material.remanent_strain_90", -0.01, -0.0008, true},
-    {"material.permittivity_180", 4e-9, 6e-8, true},
-    {"material.permittivity_90", 4e-9, 6e-8, true},
+    {"material.remanent_polarization", 0.1, 0.6, true},
+    {"material.remanent_strain_90", -0.02, -0.0005, true},
+    {"material.permittivity_180", 1e-9, 1e-7, true},
+    {"material.permittivity_90", 1e-9, 1e-7, true},
     {"material.compliance_180", 8e-12, 5e-11, true},
     {"material.compliance_90", 8e-12, 5e-11, true},
     {"material.piezoelectric_180", 1e-10, 1.2e-9, true},
@@ -126,19 +126,30 @@ FreeParameter free_parameter(const Model& model, std::string_view path) {
   unknown(model, path);
 }
 
-double to_search(const FreeParameter& p, double value) {
-  double u = 0;
-  if (p.logarithmic)
-    u = std::log(value / p.low) / std::log(p.high / p.low);
-  else
-    u = (value - p.low) / (p.high - p.low);
-  u = std::clamp(u, 1e-6, 1 - 1e-6);
-  return std::log(u / (1 - u));
+double to_unit(const FreeParameter& p, double value) {
+  if (!p.logarithmic) return std::clamp((value - p.low) / (p.high - p.low), 0.0, 1.0);
+  if (value / p.low <= 0) return p.low < 0 ? 1 : 0;
+  return std::clamp(std::log(value / p.low) / std::log(p.high / p.low), 0.0, 1.0);
 }
 
-double from_search(const FreeParameter& p, double z) {
-  const double u = 1 / (1 + std::exp(-z));
+double from_unit(const FreeParameter& p, double u) {
+  u = std::clamp(u, 0.0, 1.0);
+  if (u == 1) return p.high;
   return p.logarithmic ? p.low * std::pow(p.high / p.low, u) : p.low + u * (p.high - p.low);
+}
+
+std::vector<FreeParameter> default_free_parameters(const Model& model) {
+  std::vector<FreeParameter> out;
+  for (const auto& path : parameter_paths(model)) {
+    const bool wanted =
+        path.starts_with("material.") || path.starts_with("polycrystal.") || path.starts_with("effects.");
+    if (!wanted || path == "material.temperature") continue;
+    if (path.starts_with("polycrystal.") && path != "polycrystal.bias_field" &&
+        get_parameter(model, path) == 0)
+      continue;
+    out.push_back(free_parameter(model, path));
+  }
+  return out;
 }
 
 }  // namespace ferrobench::model

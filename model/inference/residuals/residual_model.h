@@ -1,0 +1,81 @@
+// What a fit compares: the residuals of a model, simulated minus measured, as a vector in one scale.
+//
+// Residual models are immutable. How finely is simulated is an argument of every call, so that one object
+// serves a coarse search and a fine solution at the same time, from several threads.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "model/inference/parameters/parameters.h"
+#include "model/model.h"
+#include "model/simulator.h"
+#include "recordings/recording.h"
+#include "recordings/tables/comparison.h"
+
+namespace ferrobench::model {
+
+struct Fidelity {
+  SimulationOptions simulation;
+  // The drive may be off the recorded one by this share of the largest field, which saves steps where it is a
+  // measured field with a knot at every sample.
+  double drive_tolerance = 0;
+};
+
+// Whether a model could be simulated at the values asked for. A search turns back where it could not.
+enum class Solved { yes, no };
+
+// Residuals of one measured quantity: the rows first .. first + count.
+struct ResidualPart {
+  std::string name;  // "loops, displacement"
+  std::size_t first = 0, count = 0;
+};
+
+// A problem in which some parameters enter linearly, once the kinetics are known (search/separable.h).
+class Separable;
+
+class ResidualModel {
+ public:
+  virtual ~ResidualModel() = default;
+  std::size_t size() const { return size_; }
+  const std::vector<ResidualPart>& parts() const { return parts_; }
+  // Fills `out`, size() long; it is undefined after Solved::no. Throws Error(cancelled) if the simulation is
+  // stopped.
+  virtual Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const = 0;
+  // Names with the root mean square of what was compared: percent of the range, or of the logarithm of a
+  // cell's ratio.
+  virtual std::vector<std::pair<std::string, double>> summary(const Model& model,
+                                                              const Fidelity& fidelity) const = 0;
+  // What was given and says nothing, a sentence each: "loops, force never changes".
+  virtual std::vector<std::string> unused() const { return {}; }
+  // Null where no parameter enters linearly. What it gives refers to this object.
+  virtual std::unique_ptr<Separable> separable(const Model&, const std::vector<FreeParameter>&) const;
+
+ protected:
+  std::size_t size_ = 0;
+  std::vector<ResidualPart> parts_;
+};
+
+// Recordings: charge, displacement and force where they were measured, each in percent of its range, such
+// that the root of the sum of squares of a channel is its root mean square. A sensor's zero is unknown: an
+// offset of each channel of each recording is a nuisance parameter, and is eliminated by its least-squares
+// estimate, the mean. Each recording is simulated with its own load and specimen, under its command (its
+// field if there is none).
+std::unique_ptr<ResidualModel> recording_residuals(std::vector<recordings::Recording> recordings);
+
+// Published tables, fitted together: the logarithm of each cell's ratio, and that the displacement's creep
+// changes with the prestress in the direction that was published. `parameters` override those of the
+// protocols (for example rate).
+std::unique_ptr<ResidualModel> table_residuals(const std::vector<std::string>& tables,
+                                               const std::map<std::string, double>& parameters = {});
+// The comparison that the residuals are made of, for a look at the cells.
+recordings::Comparison simulate_table(const Model& model, const std::string& table,
+                                      const SimulationOptions& options,
+                                      const std::map<std::string, double>& parameters = {});
+
+}  // namespace ferrobench::model

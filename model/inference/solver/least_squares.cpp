@@ -1,0 +1,112 @@
+#include "model/inference/solver/least_squares.h"
+
+#include <ceres/ceres.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <limits>
+
+namespace ferrobench::model {
+namespace {
+
+class Cost final : public ceres::CostFunction {
+ public:
+  Cost(std::size_t residuals, std::size_t parameters, const ResidualFunction& function, double difference,
+       std::exception_ptr& thrown)
+      : function_(function), difference_(difference), thrown_(thrown) {
+    set_num_residuals(static_cast<int>(residuals));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(parameters));
+  }
+
+  // Exceptions do not travel through the solver: they end it, and are thrown again behind it.
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    if (thrown_) return false;
+    try {
+      const auto n = static_cast<std::size_t>(parameter_block_sizes()[0]);
+      const auto rows = static_cast<std::size_t>(num_residuals());
+      const std::span<const double> at(parameters[0], n);
+      if (!function_(at, {residuals, rows})) return false;
+      if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+      const auto slopes = jacobian(rows, at, function_, difference_);
+      if (slopes.size() == 0) return false;
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+          jacobians[0], slopes.rows(), slopes.cols()) = slopes;
+      return true;
+    } catch (...) {
+      thrown_ = std::current_exception();
+      return false;
+    }
+  }
+
+ private:
+  const ResidualFunction& function_;
+  double difference_;
+  std::exception_ptr& thrown_;
+};
+
+class Follow final : public ceres::IterationCallback {
+ public:
+  Follow(const LeastSquaresOptions& options, const std::vector<double>& at) : options_(options), at_(at) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& s) override {
+    if (s.step_is_successful && options_.progress) options_.progress(2 * s.cost, at_);
+    return ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const LeastSquaresOptions& options_;
+  const std::vector<double>& at_;
+};
+
+}  // namespace
+
+Eigen::MatrixXd jacobian(std::size_t residuals, std::span<const double> at, const ResidualFunction& function,
+                         double difference) {
+  const auto rows = static_cast<Eigen::Index>(residuals);
+  Eigen::MatrixXd out(rows, static_cast<Eigen::Index>(at.size()));
+  std::atomic<bool> solved{true};
+  tbb::parallel_for(std::size_t{0}, at.size(), [&](std::size_t i) {
+    std::vector<double> low(at.begin(), at.end()), high = low;
+    low[i] = std::max(0.0, at[i] - difference);
+    high[i] = std::min(1.0, at[i] + difference);
+    Eigen::VectorXd below(rows), above(rows);
+    if (!function(low, {below.data(), residuals}) || !function(high, {above.data(), residuals})) {
+      solved = false;
+      return;
+    }
+    out.col(static_cast<Eigen::Index>(i)) = (above - below) / (high[i] - low[i]);
+  });
+  return solved ? out : Eigen::MatrixXd();
+}
+
+LeastSquaresResult least_squares(std::size_t residuals, const std::vector<double>& start,
+                                 const ResidualFunction& function, const LeastSquaresOptions& options) {
+  LeastSquaresResult out{.at = start, .squares = std::numeric_limits<double>::infinity()};
+  Eigen::VectorXd first(static_cast<Eigen::Index>(residuals));
+  if (!function(start, {first.data(), residuals}) ||
+      jacobian(residuals, start, function, options.difference).size() == 0)
+    return out;  // where Ceres would complain to the standard error output
+  std::exception_ptr thrown;
+  ceres::Problem problem;
+  problem.AddResidualBlock(new Cost(residuals, start.size(), function, options.difference, thrown), nullptr,
+                           out.at.data());
+  for (int i = 0; i < static_cast<int>(start.size()); ++i) {
+    problem.SetParameterLowerBound(out.at.data(), i, 0);
+    problem.SetParameterUpperBound(out.at.data(), i, 1);
+  }
+  Follow follow(options, out.at);
+  ceres::Solver::Options solver;
+  solver.max_num_iterations = options.iterations;
+  solver.function_tolerance = options.tolerance;
+  solver.logging_type = ceres::SILENT;
+  solver.update_state_every_iteration = true;
+  solver.callbacks.push_back(&follow);
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &problem, &summary);
+  if (thrown) std::rethrow_exception(thrown);
+  if (!summary.iterations.empty()) out.squares = 2 * summary.final_cost;
+  return out;
+}
+
+}  // namespace ferrobench::model

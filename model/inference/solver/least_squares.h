@@ -1,0 +1,39 @@
+// Bounded nonlinear least squares: Levenberg-Marquardt in a trust region, in coordinates that run from 0 to 1
+// between a parameter's bounds.
+#pragma once
+
+#include <Eigen/Dense>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace ferrobench::model {
+
+struct LeastSquaresOptions {
+  int iterations = 30;
+  double tolerance = 1e-5;  // ends once a step gains a smaller share of the sum of squares
+  // Half the distance of the two points of a central difference. Sums over domains are steps on the scale of
+  // a domain's own field, which a difference has to be wide against.
+  double difference = 3e-3;
+  // Called with the sum of squares and the place at the start and after each step that gained.
+  std::function<void(double, std::span<const double>)> progress;
+};
+
+struct LeastSquaresResult {
+  std::vector<double> at;
+  double squares = 0;  // infinite if the residuals cannot be had at the start
+};
+
+// False where the residuals cannot be had: a step there is shortened. May throw, which ends the solution.
+// Called from several threads at once.
+using ResidualFunction = std::function<bool(std::span<const double> unit, std::span<double> out)>;
+
+LeastSquaresResult least_squares(std::size_t residuals, const std::vector<double>& start,
+                                 const ResidualFunction& function, const LeastSquaresOptions& options);
+
+// d residual / d coordinate by central differences, from one side at a bound; empty where the residuals
+// cannot be had. The columns are made side by side.
+Eigen::MatrixXd jacobian(std::size_t residuals, std::span<const double> at, const ResidualFunction& function,
+                         double difference);
+
+}  // namespace ferrobench::model

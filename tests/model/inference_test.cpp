@@ -1,0 +1,179 @@
+// The rooms of model/inference one by one, and a fit that starts from nothing.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "model/inference/dataset/recording_data.h"
+#include "model/inference/search/global_search.h"
+#include "model/inference/search/separable.h"
+#include "model/inference/solver/least_squares.h"
+#include "model/inference/study/fit.h"
+#include "tests/model/measured.h"
+
+namespace ferrobench::model {
+namespace {
+
+using recordings::Channel;
+
+TEST(Simplify, KeepsWhatTheToleranceAsksForAndNoMore) {
+  Drive drive;
+  for (int i = 0; i <= 100; ++i) {
+    drive.time.push_back(i);
+    drive.field.push_back(i < 50 ? i : 100 - i + (i == 70 ? 5 : 0));  // a triangle with a spike
+  }
+  const auto coarse = simplify(drive, 6);
+  EXPECT_THAT(coarse.time, testing::ElementsAre(0, 50, 100));
+  const auto fine = simplify(drive, 1);
+  EXPECT_THAT(fine.time, testing::ElementsAre(0, 50, 69, 70, 71, 100));
+  EXPECT_EQ(simplify({{0}, {3}}, 1).field, std::vector<double>{3});
+}
+
+TEST(RecordingDataOf, ALongRecordingIsThinnedAndHasItsMeansTakenOut) {
+  const auto truth = library_model("soft-pzt");
+  auto r = measured_on(truth, loop(), {.tolerance = 1e-3, .domains = 32});
+  const auto range = std::ranges::minmax(r.at(Channel::charge));
+  const auto data = prepare(r);
+  ASSERT_EQ(data.columns.size(), 3u);
+  for (const auto& column : data.columns) {
+    double sum = 0;
+    for (const double v : column.value) sum += v;
+    EXPECT_NEAR(sum, 0, 1e-9 * column.range);
+    EXPECT_LE(column.rows.size(), 2000u);
+  }
+  EXPECT_DOUBLE_EQ(data.columns[0].range, range.max - range.min);
+  EXPECT_LE(data.simplified.time.size(), data.drive.time.size());
+}
+
+// Rosenbrock's valley: curved, and a hundred times steeper across than along.
+double valley(std::span<const double> u) {
+  const double x = 4 * u[0] - 2, y = 4 * u[1] - 2;
+  return 100 * std::pow(y - x * x, 2) + std::pow(1 - x, 2);
+}
+
+TEST(GlobalSearch, FollowsACurvedValleyFromEverySeed) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    GlobalSearchOptions options;
+    options.seed = seed;
+    options.tolerance = 1e-9;
+    const auto found = global_search(2, valley, options);
+    EXPECT_NEAR(found.at[0], 0.75, 1e-3) << seed;
+    EXPECT_NEAR(found.at[1], 0.75, 1e-3) << seed;
+    EXPECT_LE(found.evaluations, 4020);
+  }
+}
+
+TEST(GlobalSearch, PassesOnWhatItsFunctionThrows) {
+  const auto fails = [](std::span<const double>) -> double { throw Error(ErrorCode::cancelled, "enough"); };
+  EXPECT_THROW(global_search(1, fails, {}), Error);
+}
+
+// exp(-a t) b at a = 2, b = 3 in coordinates u = (a / 10, b / 10), seen without noise.
+bool decay(std::span<const double> u, std::span<double> out) {
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const double t = 0.1 * static_cast<double>(i);
+    out[i] = 10 * u[1] * std::exp(-10 * u[0] * t) - 3 * std::exp(-2 * t);
+  }
+  return true;
+}
+
+TEST(LeastSquares, FindsTheMinimumOfADecay) {
+  const auto found = least_squares(20, {0.5, 0.9}, decay, {});
+  EXPECT_NEAR(found.at[0], 0.2, 1e-4);
+  EXPECT_NEAR(found.at[1], 0.3, 1e-4);
+  EXPECT_LT(found.squares, 1e-6);
+}
+
+TEST(LeastSquares, KeepsToTheBounds) {
+  const auto beyond = [](std::span<const double> u, std::span<double> out) {
+    out[0] = u[0] - 1.5;
+    return true;
+  };
+  const auto found = least_squares(1, {0.2}, beyond, {});
+  EXPECT_NEAR(found.at[0], 1, 1e-9);
+  EXPECT_NEAR(found.squares, 0.25, 1e-9);
+}
+
+TEST(LeastSquares, SlopesAreThoseOfTheFunction) {
+  const std::vector<double> at{0.25, 0.4};
+  const auto slopes = jacobian(20, at, decay, 1e-4);
+  for (Eigen::Index i = 0; i < 20; ++i) {
+    const double t = 0.1 * static_cast<double>(i);
+    EXPECT_NEAR(slopes(i, 0), -10 * t * 4 * std::exp(-2.5 * t), 1e-5);
+    EXPECT_NEAR(slopes(i, 1), 10 * std::exp(-2.5 * t), 1e-5);
+  }
+}
+
+constexpr SimulationOptions coarse{.tolerance = 1e-3, .domains = 128};
+
+Model free_specimen_model() {
+  auto m = library_model("soft-pzt");
+  m.load.spring_stiffness = 0;
+  m.load.prestress = 0;
+  m.material.relaxation_time = 1e-3;
+  return m;
+}
+
+std::vector<recordings::Recording> loops_at_two_rates(const Model& truth) {
+  auto slow = loop();
+  for (auto& t : slow.time) t *= 30;
+  return {measured_on(truth, loop(), coarse), measured_on(truth, slow, coarse)};
+}
+
+// With the groups of the truth the eliminated parameters come out as those of the truth, to what is left out.
+TEST(SeparableParameters, OfAFreeSpecimenAreFoundByLeastSquares) {
+  const auto truth = free_specimen_model();
+  const auto residuals = recording_residuals(loops_at_two_rates(truth));
+  const auto separable = residuals->separable(truth, default_free_parameters(truth));
+  ASSERT_NE(separable, nullptr);
+  const auto point = separable->at(separable->place(truth), {.simulation = coarse});
+  ASSERT_TRUE(point.has_value());
+  const auto& m = point->model.material;
+  EXPECT_NEAR(m.remanent_polarization, truth.material.remanent_polarization,
+              1e-2 * truth.material.remanent_polarization);
+  EXPECT_NEAR(m.piezoelectric_180, truth.material.piezoelectric_180, 2e-2 * truth.material.piezoelectric_180);
+  EXPECT_NEAR(m.remanent_strain_90, truth.material.remanent_strain_90,
+              2e-2 * -truth.material.remanent_strain_90);
+  EXPECT_LT(point->squares, 1);  // percent of the range, squared, of four channels
+}
+
+TEST(SeparableParameters, DoNotExistBehindASpring) {
+  const auto truth = library_model("nec-ae0505d08");
+  ASSERT_NE(truth.load.spring_stiffness, 0);
+  const auto residuals = recording_residuals({measured_on(truth, loop(), coarse)});
+  EXPECT_EQ(residuals->separable(truth, default_free_parameters(truth)), nullptr);
+}
+
+// From a model far from the truth the loops are found again.
+TEST(FitFromNothing, FindsTheLoops) {
+  const auto truth = free_specimen_model();
+  auto start = truth;
+  start.material.barrier *= 4;
+  start.material.activation_volume /= 5;
+  start.material.relaxation_time = 1e-8;
+  start.material.remanent_polarization *= 0.6;
+  start.material.remanent_strain_90 *= 2;
+  FitOptions options;
+  options.free = default_free_parameters(truth);
+  options.simulation = coarse;
+  options.starts = 3;
+  const auto residuals = recording_residuals(loops_at_two_rates(truth));
+  const auto before = residuals->summary(start, {.simulation = coarse});
+  const auto result = fit(start, *residuals, options);
+  for (std::size_t i = 0; i < before.size(); ++i)
+    if (!before[i].first.ends_with("force, percent of range")) {
+      EXPECT_GT(before[i].second, 5) << before[i].first;
+    }
+  for (const auto& [name, rms] : residuals->summary(result.model, {.simulation = coarse}))
+    EXPECT_LT(rms, 0.5) << name;
+  // What two loops of a free specimen cannot tell is said.
+  for (const auto& p : result.parameters)
+    if (p.free.path.starts_with("material.compliance")) {
+      EXPECT_FALSE(p.determined) << p.free.path;
+    }
+  EXPECT_EQ(result.correlations.size(), options.free.size());
+}
+
+}  // namespace
+}  // namespace ferrobench::model
