@@ -73,11 +73,12 @@ json fit_model(const FitRequest& request, const model::Model& start,
     parameters.push_back({{"path", p.free.path},
                           {"from", p.from},
                           {"to", p.to},
+                          {"std", p.std},
                           {"low", p.free.low},
                           {"high", p.free.high},
                           {"at_bound", p.at_bound}});
     if (!result.stopped)
-      parameters.back().update({{"std", p.std}, {"interval", {p.low, p.high}}, {"determined", p.determined}});
+      parameters.back().update({{"interval", {p.low, p.high}}, {"determined", p.determined}});
   }
   json out = {{"model", model::to_json(result.model)},
               {"parameters", std::move(parameters)},

@@ -37,7 +37,7 @@ void describe(Visitor& visit, FitRequest& r) {
 // {model, parameters: [{path, from, to, std, interval, determined, low, high, at_bound}], correlations,
 // before, after: {name: rms}, cost_before, cost_after, simulations, stopped, unused: [sentence]}: `low` and
 // `high` are the range, `interval` is that of 95 %, `correlations` a row for each parameter. What was stopped
-// has no uncertainty: `std`, `interval`, `determined` and `correlations` are then absent. A calibration gives
+// has no uncertainty: `std` is 0; `interval`, `determined` and `correlations` are absent. A calibration gives
 // {model} alone. `progress` returns false, between simulations, and `stop` true, in their middle, to end with
 // the best so far: then there is no before and after. Throws Error(invalid_params) if there is nothing to fit
 // to, or both.
