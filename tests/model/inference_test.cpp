@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "model/inference/dataset/recording_data.h"
+#include "model/inference/residuals/separable.h"
 #include "model/inference/search/global_search.h"
-#include "model/inference/search/separable.h"
 #include "model/inference/solver/least_squares.h"
 #include "model/inference/study/fit.h"
 #include "tests/model/measured.h"

@@ -1,10 +1,10 @@
-// Recordings of a specimen that nothing pushes against, as a separable problem (search/separable.h).
+// Recordings of a specimen that nothing pushes against, as a separable problem (residuals/separable.h).
 #pragma once
 
 #include <optional>
 
 #include "model/inference/dataset/recording_data.h"
-#include "model/inference/search/separable.h"
+#include "model/inference/residuals/separable.h"
 
 namespace ferrobench::model {
 

@@ -4,7 +4,7 @@
 #include "model/inference/dataset/recording_data.h"
 #include "model/inference/residuals/free_specimen.h"
 #include "model/inference/residuals/residual_model.h"
-#include "model/inference/search/separable.h"
+#include "model/inference/residuals/separable.h"
 #include "model/on_recording.h"
 
 namespace ferrobench::model {

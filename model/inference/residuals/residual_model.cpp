@@ -1,6 +1,6 @@
 #include "model/inference/residuals/residual_model.h"
 
-#include "model/inference/search/separable.h"
+#include "model/inference/residuals/separable.h"
 
 namespace ferrobench::model {
 

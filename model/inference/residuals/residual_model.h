@@ -36,7 +36,7 @@ struct ResidualPart {
   std::size_t first = 0, count = 0;
 };
 
-// A problem in which some parameters enter linearly, once the kinetics are known (search/separable.h).
+// A problem in which some parameters enter linearly, once the kinetics are known (residuals/separable.h).
 class Separable;
 
 class ResidualModel {

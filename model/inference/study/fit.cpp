@@ -8,8 +8,8 @@
 #include <mutex>
 #include <tuple>
 
+#include "model/inference/residuals/separable.h"
 #include "model/inference/search/global_search.h"
-#include "model/inference/search/separable.h"
 #include "model/inference/solver/least_squares.h"
 
 namespace ferrobench::model {

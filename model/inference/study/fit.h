@@ -2,7 +2,7 @@
 //
 //   1. global searches of the whole range (search/global_search.h), by a coarse simulation; where parameters
 //   enter
-//      linearly they are eliminated (search/separable.h)
+//      linearly they are eliminated (residuals/separable.h)
 //   2. from each search's minimum, and from the model given, nonlinear least squares
 //   (solver/least_squares.h), coarse
 //   3. from the best of these, nonlinear least squares by the simulation that is used everywhere
