@@ -221,7 +221,7 @@ double residual_scale(const MeasuredColumn& column) {
 
 std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,
                                                const Fidelity& fidelity) {
-  const auto& drive = fidelity.drive_tolerance > 0 ? data.simplified : data.drive;
+  const auto& drive = fidelity.coarse ? data.simplified : data.drive;
   const auto n = data.time.size();
   SimulatedRows out;
   for (auto* column : {&out.field, &out.charge, &out.displacement, &out.force, &out.plus, &out.minus})

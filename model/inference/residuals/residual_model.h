@@ -22,9 +22,9 @@ namespace ferrobench::model {
 
 struct Fidelity {
   SimulationOptions simulation;
-  // The drive may be off the recorded one by this share of the largest field, which saves steps where it is a
-  // measured field with a knot at every sample.
-  double drive_tolerance = 0;
+  // For a search: recordings are driven by RecordingData::simplified, which saves steps where the drive is a
+  // measured field with a knot at every sample, and a table's run may take fewer steps.
+  bool coarse = false;
 };
 
 // Whether a model could be simulated at the values asked for. A search turns back where it could not.

@@ -22,7 +22,7 @@ class TableResiduals final : public ResidualModel {
     std::size_t next = 0;
     auto bounded = fidelity.simulation;
     if (bounded.most_steps == 0)
-      bounded.most_steps = fidelity.drive_tolerance > 0 ? most_steps_of_a_run : 50 * most_steps_of_a_run;
+      bounded.most_steps = fidelity.coarse ? most_steps_of_a_run : 50 * most_steps_of_a_run;
     std::vector<recordings::Comparison> comparisons;
     try {
       comparisons = experiments_.simulate(model, bounded);

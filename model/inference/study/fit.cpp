@@ -88,7 +88,7 @@ class Study {
     coarse_.simulation.tolerance = std::max(coarse_tolerance, fine_.simulation.tolerance);
     const int domains = fine_.simulation.domains;
     coarse_.simulation.domains = domains > 0 ? std::min(domains, coarse_domains) : coarse_domains;
-    coarse_.drive_tolerance = coarse_tolerance;
+    coarse_.coarse = true;
     given_ = unit_of(start);
   }
 
