@@ -19,7 +19,7 @@
 
 #include "protocols/common/error.h"
 #include "protocols/waveform.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::daq {
 

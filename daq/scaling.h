@@ -5,7 +5,7 @@
 #include <span>
 
 #include "daq/device.h"
-#include "recordings/file.h"
+#include "recordings/format/parts.h"
 
 namespace ferrobench::daq {
 

@@ -7,7 +7,7 @@
 
 #include "daq/guard/guard.h"
 #include "daq/scaling.h"
-#include "recordings/statistics.h"
+#include "recordings/analysis/statistics.h"
 
 namespace ferrobench::daq {
 

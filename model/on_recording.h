@@ -2,7 +2,7 @@
 #pragma once
 
 #include "model/simulator.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::model {
 

@@ -1,7 +1,7 @@
 #include "daq/replay/play.h"
 
 #include "daq/scaling.h"
-#include "recordings/iso_time.h"
+#include "recordings/format/iso_time.h"
 
 namespace ferrobench::daq {
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <thread>
 
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 
 namespace ferrobench::daq {
 

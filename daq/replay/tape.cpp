@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "recordings/file.h"
-#include "recordings/window.h"
+#include "recordings/analysis/window.h"
+#include "recordings/format/parts.h"
 
 namespace ferrobench::daq {
 

@@ -11,7 +11,7 @@
 
 #include "daq/guard/guard.h"
 #include "daq/replay/config.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::daq {
 

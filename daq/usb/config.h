@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "protocols/common/fields.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::daq::usb {
 

@@ -6,7 +6,7 @@
 #include <span>
 
 #include "daq/virtual/noise.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::daq {
 

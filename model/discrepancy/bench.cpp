@@ -9,7 +9,8 @@
 
 #include "model/on_recording.h"
 #include "model/simulator.h"
-#include "recordings/statistics.h"
+#include "recordings/analysis/segments.h"
+#include "recordings/analysis/statistics.h"
 
 namespace ferrobench::model::discrepancy {
 namespace {

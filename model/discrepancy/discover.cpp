@@ -13,7 +13,7 @@
 #include "model/discrepancy/search.h"
 #include "model/discrepancy/signals.h"
 #include "model/physics/domains.h"
-#include "recordings/skew.h"
+#include "recordings/analysis/skew.h"
 
 namespace ferrobench::model {
 

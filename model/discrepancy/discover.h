@@ -17,7 +17,7 @@
 
 #include "model/effects/catalogue.h"
 #include "model/model.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 #include "recordings/tables/published.h"
 
 namespace ferrobench::model {

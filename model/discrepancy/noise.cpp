@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "recordings/statistics.h"
+#include "recordings/analysis/statistics.h"
 
 namespace ferrobench::model::discrepancy {
 namespace {

@@ -30,7 +30,7 @@
 #include <vector>
 
 #include "model/model.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::model {
 

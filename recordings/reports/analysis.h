@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "recordings/reports/clipping.h"
-#include "recordings/reports/cycles.h"
-#include "recordings/reports/loop_measures.h"
+#include "recordings/analysis/clipping.h"
+#include "recordings/analysis/cycles.h"
+#include "recordings/analysis/loop_measures.h"
 
 namespace ferrobench::recordings {
 

@@ -3,11 +3,12 @@
 #include <cmath>
 #include <set>
 
+#include "protocols/common/number_text.h"
 #include "protocols/common/units.h"
-#include "recordings/reports/creep.h"
-#include "recordings/reports/signals.h"
+#include "recordings/analysis/creep.h"
+#include "recordings/analysis/signals.h"
+#include "recordings/analysis/statistics.h"
 #include "recordings/reports/table.h"
-#include "recordings/statistics.h"
 
 namespace ferrobench::recordings {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 #include "recordings/reports/plot.h"
 
 namespace ferrobench::recordings {

@@ -1,7 +1,7 @@
 #include "recordings/reports/html_page.h"
 
+#include "recordings/format/version.h"
 #include "recordings/reports/figures.h"
-#include "recordings/version.h"
 
 namespace ferrobench::recordings {
 namespace {

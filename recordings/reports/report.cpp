@@ -3,10 +3,11 @@
 #include <algorithm>
 
 #include "protocols/common/fields.h"
+#include "protocols/common/number_text.h"
 #include "protocols/common/units.h"
 #include "protocols/common/visible.h"
+#include "recordings/analysis/skew.h"
 #include "recordings/reports/html_page.h"
-#include "recordings/skew.h"
 
 namespace ferrobench::recordings {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 #include "recordings/reports/analysis.h"
 #include "recordings/reports/table.h"
 

@@ -1,10 +1,10 @@
 #include "recordings/reports/table.h"
 
 #include <array>
-#include <charconv>
 #include <cmath>
 
 #include "protocols/common/error.h"
+#include "protocols/common/number_text.h"
 #include "protocols/common/visible.h"
 
 namespace ferrobench::recordings {
@@ -130,18 +130,6 @@ Format format_from_name(const std::string& name) {
 Cell cell(std::optional<double> value) {
   if (!value || !std::isfinite(*value)) return std::monostate{};
   return *value;
-}
-
-std::string number_text(double value) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value == 0 ? 0.0 : value,
-                                 std::chars_format::general, 4);
-  return {text.data(), end.ptr};
-}
-
-std::string number_in_full(double value) {
-  std::array<char, 32> text{};
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 
 std::string escape_html(std::string_view text) {

@@ -33,7 +33,8 @@ struct Table {
   std::vector<Column> columns;
   std::vector<std::vector<Cell>> rows;
   std::vector<std::string> notes;  // how it was measured, below the table
-  // Cells (row, column) that are made of samples which a converter cut off (clipping.h), and where that was.
+  // Cells (row, column) that are made of samples which a converter cut off (clipped_cells.h), and where that
+  // was.
   std::set<std::pair<std::size_t, std::size_t>> clipped = {};
   std::vector<std::string> cut_off = {};
 };
@@ -50,7 +51,5 @@ std::string to_html(const Table& table);  // <section> with heading, table and n
 std::string escape_html(std::string_view text);
 std::string escape_markdown(std::string_view text);
 std::string escape_csv(std::string_view text);
-std::string number_text(double value);     // four significant digits
-std::string number_in_full(double value);  // reads back to the same double
 
 }  // namespace ferrobench::recordings

@@ -4,9 +4,10 @@
 #include <map>
 
 #include "protocols/common/units.h"
-#include "recordings/reports/creep.h"
-#include "recordings/reports/loop_measures.h"
-#include "recordings/reports/loops.h"
+#include "recordings/analysis/creep.h"
+#include "recordings/analysis/loop_measures.h"
+#include "recordings/analysis/loops.h"
+#include "recordings/reports/clipped_cells.h"
 #include "recordings/reports/report.h"
 
 namespace ferrobench::recordings {
@@ -73,7 +74,7 @@ std::optional<Table> stroke_table(const Analysis& analysis) {
                           in_kv_per_mm(cycle.high), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
                           in_um(stroke), cell(strain), cell(force_span)});
     const auto mark = [&](const Keys& keys, std::span<const Channel> channels) {
-      analysis.clipping().mark(table, keys, channels, cycle.first, cycle.last);
+      mark_clipped(table, analysis.clipping(), keys, channels, cycle.first, cycle.last);
     };
     mark({"field_low_kV_per_mm", "field_high_kV_per_mm"}, field_alone);
     mark({"stroke_um", "strain_percent"}, displacement_alone);
@@ -122,16 +123,17 @@ std::optional<Table> hysteresis_table(const Analysis& analysis) {
                           in(cubic_metre_in_um, m.displacement_area), in_kv_per_mm(m.width), cell(share),
                           in_kv_per_mm(m.coercive_negative), in_kv_per_mm(m.coercive_positive),
                           cell(m.remanent_falling), cell(m.remanent_rising), cell(m.energy)});
-    analysis.clipping().mark(table, {"displacement_area_um_kV_per_mm", "width_kV_per_mm", "width_percent"},
-                             displacement_loop, cycle.first, cycle.last);
-    analysis.clipping().mark(table, {"energy_J_per_m3"}, charge_loop, cycle.first, cycle.last);
+    mark_clipped(table, analysis.clipping(),
+                 {"displacement_area_um_kV_per_mm", "width_kV_per_mm", "width_percent"}, displacement_loop,
+                 cycle.first, cycle.last);
+    mark_clipped(table, analysis.clipping(), {"energy_J_per_m3"}, charge_loop, cycle.first, cycle.last);
     // Where polarization counts from the middle of its range, all of the recording is behind it.
     const auto [first, last] =
         meter.centred() ? std::pair(std::size_t{0}, r.size() - 1) : std::pair(cycle.first, cycle.last);
-    analysis.clipping().mark(table,
-                             {"coercive_negative_kV_per_mm", "coercive_positive_kV_per_mm",
-                              "remanent_falling_C_per_m2", "remanent_rising_C_per_m2"},
-                             charge_loop, first, last);
+    mark_clipped(table, analysis.clipping(),
+                 {"coercive_negative_kV_per_mm", "coercive_positive_kV_per_mm", "remanent_falling_C_per_m2",
+                  "remanent_rising_C_per_m2"},
+                 charge_loop, first, last);
   }
   if (meter.centred())
     table.notes.emplace_back(
@@ -191,7 +193,7 @@ std::optional<Table> creep_table(const Recording& r) {
     }
     table.rows.push_back(std::move(row));
     for (const auto& [channel, keys] : made_of)
-      clipping.mark(table, keys, std::span(&channel, 1), holds[i].first, holds[i].last);
+      mark_clipped(table, clipping, keys, std::span(&channel, 1), holds[i].first, holds[i].last);
   }
   if (!exact)
     table.notes.emplace_back(
@@ -242,7 +244,7 @@ std::optional<Table> rate_table(const Analysis& analysis) {
     for (; first < next; ++first) {
       const auto& cycle = analysis.cycles()[cycles[first].cycle];
       const auto mark = [&](const Keys& keys, std::span<const Channel> channels) {
-        analysis.clipping().mark(table, keys, channels, cycle.first, cycle.last);
+        mark_clipped(table, analysis.clipping(), keys, channels, cycle.first, cycle.last);
       };
       mark({"stroke_um"}, displacement_alone);
       mark({"displacement_area_um_kV_per_mm"}, displacement_loop);
@@ -286,8 +288,9 @@ std::optional<Table> minor_loop_table(const Analysis& analysis) {
     table.rows.push_back({whole(k), r.time[here.arrive], in_kv_per_mm(before.level), in_kv_per_mm(here.level),
                           in_kv_per_mm(after.level), in_um(meter.stroke(first, last)),
                           in(cubic_metre_in_um, meter.displacement_area(first, last))});
-    analysis.clipping().mark(table, {"stroke_um"}, displacement_alone, first, last);
-    analysis.clipping().mark(table, {"displacement_area_um_kV_per_mm"}, displacement_loop, first, last);
+    mark_clipped(table, analysis.clipping(), {"stroke_um"}, displacement_alone, first, last);
+    mark_clipped(table, analysis.clipping(), {"displacement_area_um_kV_per_mm"}, displacement_loop, first,
+                 last);
   }
   note_smoothing(meter, table);
   return table;

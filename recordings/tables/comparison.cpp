@@ -2,12 +2,13 @@
 
 #include <cmath>
 
+#include "protocols/common/number_text.h"
 #include "protocols/common/units.h"
+#include "recordings/analysis/clipping.h"
+#include "recordings/analysis/creep.h"
+#include "recordings/analysis/signals.h"
 #include "recordings/reports/analysis.h"
-#include "recordings/reports/clipping.h"
-#include "recordings/reports/creep.h"
 #include "recordings/reports/html_page.h"
-#include "recordings/reports/signals.h"
 
 namespace ferrobench::recordings {
 namespace {

@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 #include "recordings/reports/table.h"
 #include "recordings/tables/published.h"
 

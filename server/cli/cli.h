@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "recordings/new_file.h"
+#include "recordings/disk/new_file.h"
 
 namespace ferrobench::cli {
 

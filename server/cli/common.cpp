@@ -12,7 +12,8 @@
 
 #include "model/model.h"
 #include "protocols/protocol.h"
-#include "recordings/recover.h"
+#include "recordings/disk/new_file.h"
+#include "recordings/file/recover.h"
 #include "server/cli/link.h"
 #include "server/methods/methods.h"
 

@@ -2,7 +2,7 @@
 
 #include "protocols/common/fields.h"
 #include "protocols/common/visible.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "server/cli/cli.h"
 #include "server/cli/words.h"
 #include "server/engine/verify.h"

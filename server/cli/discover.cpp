@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "model/discrepancy/report.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 #include "server/engine/simulation.h"

@@ -5,7 +5,7 @@
 #include <iostream>
 #include <utility>
 
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 #include "server/engine/fitting.h"

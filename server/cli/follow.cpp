@@ -4,7 +4,8 @@
 #include <thread>
 
 #include "protocols/common/visible.h"
-#include "recordings/recover.h"
+#include "recordings/disk/new_file.h"
+#include "recordings/file/recover.h"
 #include "server/cli/link.h"
 
 namespace ferrobench::cli {

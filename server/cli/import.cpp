@@ -2,8 +2,8 @@
 #include <iostream>
 
 #include "protocols/common/text_file.h"
-#include "recordings/file.h"
-#include "recordings/import_csv.h"
+#include "recordings/exchange/import_csv.h"
+#include "recordings/file/writer.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "recordings/disk/new_file.h"
 #include "server/cli/cli.h"
 #include "server/engine/engine.h"
 #include "server/net/client.h"

@@ -2,7 +2,7 @@
 #include <iostream>
 
 #include "protocols/common/error.h"
-#include "recordings/version.h"
+#include "recordings/format/version.h"
 #include "server/cli/cli.h"
 #include "server/cli/words.h"
 

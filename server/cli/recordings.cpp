@@ -3,9 +3,10 @@
 #include <sstream>
 
 #include "protocols/common/visible.h"
-#include "recordings/export.h"
-#include "recordings/file.h"
-#include "recordings/journal_writer.h"
+#include "recordings/exchange/export.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
+#include "recordings/journal/writer.h"
 #include "recordings/reports/report.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"

@@ -1,10 +1,11 @@
-#include "recordings/recover.h"
+#include "recordings/file/recover.h"
 
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
 
 #include "protocols/common/visible.h"
+#include "recordings/disk/new_file.h"
 #include "server/cli/link.h"
 
 namespace ferrobench::cli {

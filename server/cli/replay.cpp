@@ -3,9 +3,10 @@
 
 #include "daq/replay/play.h"
 #include "protocols/common/visible.h"
-#include "recordings/file.h"
+#include "recordings/analysis/statistics.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
 #include "recordings/reports/report.h"
-#include "recordings/statistics.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 #include "server/engine/simulation.h"

@@ -2,7 +2,7 @@
 
 #include <iostream>
 
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "server/cli/link.h"
 #include "server/engine/verify.h"
 

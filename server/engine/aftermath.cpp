@@ -7,9 +7,9 @@
 #include "daq/not_at_zero.h"
 #include "daq/registry.h"
 #include "protocols/common/fields.h"
-#include "recordings/file.h"
-#include "recordings/new_file.h"
-#include "recordings/recover.h"
+#include "recordings/disk/new_file.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
 
 namespace ferrobench::server {
 

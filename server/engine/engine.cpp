@@ -5,7 +5,7 @@
 
 #include "daq/not_at_zero.h"
 #include "daq/replay/tape.h"
-#include "recordings/iso_time.h"
+#include "recordings/format/iso_time.h"
 #include "server/engine/live.h"
 
 namespace ferrobench::server {

@@ -3,7 +3,7 @@
 #include <array>
 #include <thread>
 
-#include "recordings/iso_time.h"
+#include "recordings/format/iso_time.h"
 
 namespace ferrobench::server {
 

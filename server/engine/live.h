@@ -10,7 +10,7 @@
 #include <span>
 #include <string>
 
-#include "recordings/file.h"
+#include "recordings/format/parts.h"
 #include "server/rpc/hub.h"
 
 namespace ferrobench::server {

@@ -9,7 +9,7 @@
 #include "daq/device.h"
 #include "protocols/common/fields.h"
 #include "protocols/protocol.h"
-#include "recordings/new_file.h"
+#include "recordings/disk/new_file.h"
 #include "server/engine/store.h"
 
 namespace ferrobench::server {

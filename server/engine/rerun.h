@@ -1,7 +1,7 @@
 // The same experiment again, from what its recording alone holds.
 #pragma once
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 #include "server/engine/request.h"
 
 namespace ferrobench::server {

@@ -10,7 +10,8 @@
 #include "daq/replay/tape.h"
 #include "model/model.h"
 #include "protocols/common/visible.h"
-#include "recordings/iso_time.h"
+#include "recordings/disk/new_file.h"
+#include "recordings/format/iso_time.h"
 #include "server/engine/sink.h"
 
 namespace ferrobench::server {

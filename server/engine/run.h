@@ -17,6 +17,7 @@
 
 #include "daq/guard/guard.h"
 #include "protocols/common/fields.h"
+#include "recordings/disk/new_file.h"
 #include "server/engine/request.h"
 #include "server/rpc/hub.h"
 

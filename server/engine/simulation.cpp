@@ -4,7 +4,7 @@
 #include <boost/uuid/uuid_io.hpp>
 
 #include "model/on_recording.h"
-#include "recordings/iso_time.h"
+#include "recordings/format/iso_time.h"
 
 namespace ferrobench::server {
 

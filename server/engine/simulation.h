@@ -2,7 +2,7 @@
 // measured.
 #pragma once
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::server {
 

@@ -3,7 +3,7 @@
 #include <chrono>
 
 #include "protocols/common/visible.h"
-#include "recordings/iso_time.h"
+#include "recordings/format/iso_time.h"
 
 namespace ferrobench::server {
 

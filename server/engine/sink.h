@@ -11,7 +11,7 @@
 #include <string>
 
 #include "daq/scaling.h"
-#include "recordings/file.h"
+#include "recordings/file/writer.h"
 #include "server/engine/live.h"
 
 namespace ferrobench::server {

@@ -9,8 +9,8 @@
 
 #include "model/model.h"
 #include "protocols/common/text_file.h"
-#include "recordings/file.h"
-#include "recordings/recover.h"
+#include "recordings/file/recover.h"
+#include "recordings/file/writer.h"
 
 namespace ferrobench::server {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::server {
 

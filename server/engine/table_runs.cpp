@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "daq/registry.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "recordings/tables/experiments.h"
 #include "server/engine/live.h"
 #include "server/engine/run.h"

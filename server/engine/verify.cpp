@@ -4,7 +4,8 @@
 #include <cmath>
 
 #include "protocols/common/fields.h"
-#include "recordings/file.h"
+#include "protocols/common/number_text.h"
+#include "recordings/format/parts.h"
 #include "recordings/reports/report.h"
 
 namespace ferrobench::server {
@@ -15,7 +16,7 @@ namespace {
 
 std::string in_full(const std::optional<double>& v) {
   if (!v) return "nothing";
-  return std::isnan(*v) ? "a gap" : recordings::number_in_full(*v);
+  return std::isnan(*v) ? "a gap" : number_in_full(*v);
 }
 
 // The report without what names the run.

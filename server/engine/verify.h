@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "recordings/difference.h"
+#include "recordings/analysis/difference.h"
 
 namespace ferrobench::server {
 

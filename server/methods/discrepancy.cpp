@@ -1,6 +1,6 @@
 #include "model/discrepancy/discover.h"
 #include "model/discrepancy/report.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
 #include "server/rpc/schemas.h"

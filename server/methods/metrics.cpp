@@ -5,7 +5,7 @@
 #include <prometheus/registry.h>
 #include <prometheus/text_serializer.h>
 
-#include "recordings/version.h"
+#include "recordings/format/version.h"
 
 namespace ferrobench::server {
 namespace {

@@ -1,6 +1,6 @@
 #include "model/model.h"
 
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "server/engine/fitting.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"

@@ -1,6 +1,6 @@
 #include <map>
 
-#include "recordings/version.h"
+#include "recordings/format/version.h"
 #include "server/methods/methods.h"
 #include "server/rpc/discover.h"
 #include "server/rpc/subscribe.h"

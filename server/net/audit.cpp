@@ -12,7 +12,7 @@
 #include <cerrno>
 #include <system_error>
 
-#include "recordings/durable_file.h"
+#include "recordings/disk/durable_file.h"
 
 namespace ferrobench::server {
 namespace {

@@ -3,7 +3,7 @@
 #include <fstream>
 #include <iostream>
 
-#include "recordings/version.h"
+#include "recordings/format/version.h"
 #include "server/cli/cli.h"
 #include "server/packaging/documents.h"
 

@@ -2,7 +2,7 @@
 
 #include <map>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::server::schema {
 namespace {

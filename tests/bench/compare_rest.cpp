@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "recordings/file.h"
+#include "recordings/file/writer.h"
 #include "tests/bench/compare.h"
 #include "tests/bench/cpu_time.h"
 #include "tests/bench/exp_limit.h"

@@ -14,7 +14,8 @@
 #include <stdexcept>
 
 #include "daq/replay/play.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
 #include "recordings/reports/report.h"
 #include "tests/bench/cpu_time.h"
 

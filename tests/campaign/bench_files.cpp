@@ -1,7 +1,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
 #include "tests/campaign/bench.h"
 
 namespace ferrobench::campaign {

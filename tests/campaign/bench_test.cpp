@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "tests/campaign/table.h"
 
 namespace ferrobench::campaign {

@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "model/on_recording.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "tests/model/effects_support.h"
 
 namespace ferrobench::campaign {

@@ -9,8 +9,8 @@
 #include "daq/scaling.h"
 #include "daq/virtual/virtual_device.h"
 #include "programs.h"
-#include "recordings/difference.h"
-#include "recordings/file.h"
+#include "recordings/analysis/difference.h"
+#include "recordings/file/reader.h"
 
 namespace ferrobench::daq {
 namespace {

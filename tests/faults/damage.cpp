@@ -11,11 +11,12 @@
 #include <sstream>
 
 #include "daq/replay/play.h"
-#include "recordings/export.h"
-#include "recordings/file.h"
-#include "recordings/hdf5.h"
-#include "recordings/import_csv.h"
-#include "recordings/recover.h"
+#include "recordings/exchange/export.h"
+#include "recordings/exchange/import_csv.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
+#include "recordings/file/writer.h"
+#include "recordings/hdf5/handle.h"
 #include "recordings/reports/report.h"
 
 namespace ferrobench::faults {

@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "protocols/common/error.h"
-#include "recordings/difference.h"
-#include "recordings/file.h"
+#include "recordings/analysis/difference.h"
+#include "recordings/file/reader.h"
 
 namespace ferrobench::faults {
 namespace {

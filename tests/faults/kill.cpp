@@ -9,7 +9,8 @@
 #include <random>
 #include <thread>
 
-#include "recordings/recover.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
 #include "tests/server/engine_bench.h"
 
 namespace ferrobench::faults {

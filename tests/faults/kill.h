@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::faults {
 

@@ -10,7 +10,9 @@
 #include <iostream>
 #include <sstream>
 
-#include "recordings/recover.h"
+#include "recordings/disk/new_file.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
 #include "tests/server/engine_bench.h"
 
 namespace ferrobench::faults {

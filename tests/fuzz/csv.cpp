@@ -1,6 +1,6 @@
 // Any text as a table of samples: refused, or a recording with a time that rises.
 #include "input.h"
-#include "recordings/import_csv.h"
+#include "recordings/exchange/import_csv.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace ferrobench;

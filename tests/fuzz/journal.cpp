@@ -2,8 +2,9 @@
 // rows, the length of its payload (2 bytes), and the payload.
 #include "input.h"
 #include "protocols/common/error.h"
-#include "recordings/journal_format.h"
-#include "recordings/recover.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
+#include "recordings/journal/records.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace ferrobench;

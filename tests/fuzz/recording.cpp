@@ -1,11 +1,11 @@
 // Any bytes as a recording's file: refused, or read, reported and exported. HDF5 files are read in a process
-// of their own (recordings/read_apart.h), where the library may crash.
+// of their own (recordings/hdf5/read_apart.h), where the library may crash.
 #include <sstream>
 
 #include "input.h"
 #include "protocols/common/error.h"
-#include "recordings/export.h"
-#include "recordings/file.h"
+#include "recordings/exchange/export.h"
+#include "recordings/file/reader.h"
 #include "recordings/reports/report.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "recordings/journal_format.h"
+#include "recordings/journal/records.h"
 #include "tests/faults/damage.h"
 
 namespace ferrobench {

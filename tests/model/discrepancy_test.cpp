@@ -15,7 +15,7 @@
 #include "model/inference/parameters/parameters.h"
 #include "model/inference/study/fit.h"
 #include "model/simulator.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 
 namespace ferrobench::model {
 namespace {

@@ -1,7 +1,7 @@
 // A recording as a measurement without noise on a model would give it.
 #pragma once
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 #include "tests/model/effects_support.h"
 
 namespace ferrobench::model {

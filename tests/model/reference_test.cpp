@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "model/on_recording.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "tests/model/random_models.h"
 
 namespace ferrobench::model {

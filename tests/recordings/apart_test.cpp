@@ -9,7 +9,9 @@
 #include <fstream>
 
 #include "protocols/common/error.h"
-#include "recordings/read_apart.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
+#include "recordings/hdf5/read_apart.h"
 #include "tests/recordings/sample.h"
 
 namespace ferrobench::recordings {

@@ -1,5 +1,5 @@
 // Values made of samples past a converter's range are marked in every table and format.
-#include "recordings/reports/clipping.h"
+#include "recordings/analysis/clipping.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

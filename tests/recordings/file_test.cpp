@@ -1,11 +1,11 @@
-#include "recordings/file.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "protocols/common/error.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
 #include "tests/recordings/sample.h"
 
 namespace ferrobench::recordings {

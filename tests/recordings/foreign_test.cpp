@@ -8,7 +8,8 @@
 #include <sstream>
 
 #include "protocols/common/error.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
 #include "tests/recordings/sample.h"
 
 namespace ferrobench::recordings {

@@ -9,8 +9,9 @@
 #include <random>
 
 #include "protocols/common/error.h"
-#include "recordings/file.h"
-#include "recordings/hdf5.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
+#include "recordings/hdf5/handle.h"
 #include "tests/recordings/sample.h"
 
 namespace ferrobench::recordings {

@@ -1,5 +1,5 @@
 // Tables in text as recordings: columns by name, number or heading; units given, read or refused.
-#include "recordings/import_csv.h"
+#include "recordings/exchange/import_csv.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "recordings/export.h"
+#include "recordings/exchange/export.h"
 
 namespace ferrobench::recordings {
 namespace {

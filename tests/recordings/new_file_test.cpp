@@ -1,5 +1,5 @@
 // Files that take their name when they are whole, and recordings that several change at once.
-#include "recordings/new_file.h"
+#include "recordings/disk/new_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,8 +16,9 @@
 #include <random>
 #include <thread>
 
-#include "recordings/file.h"
-#include "recordings/recover.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
+#include "recordings/file/writer.h"
 #include "tests/recordings/sample.h"
 
 namespace ferrobench::recordings {

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "recordings/file.h"
+#include "recordings/file/writer.h"
 #include "tests/recordings/sample.h"
 
 namespace ferrobench::recordings {

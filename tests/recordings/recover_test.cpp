@@ -1,5 +1,5 @@
 // Runs that broke off: journals cut at any byte, damaged anywhere, left by a power cut, or made to mislead.
-#include "recordings/recover.h"
+#include "recordings/file/recover.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,10 +10,12 @@
 #include <random>
 
 #include "protocols/common/error.h"
-#include "recordings/file.h"
-#include "recordings/journal_format.h"
-#include "recordings/journal_reader.h"
-#include "recordings/journal_writer.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
+#include "recordings/format/texts.h"
+#include "recordings/journal/reader.h"
+#include "recordings/journal/records.h"
+#include "recordings/journal/writer.h"
 #include "tests/recordings/sample.h"
 
 namespace ferrobench::recordings {

@@ -14,9 +14,10 @@
 #include <random>
 
 #include "protocols/common/error.h"
-#include "recordings/reports/creep.h"
-#include "recordings/reports/cycles.h"
-#include "recordings/reports/loop_measures.h"
+#include "recordings/analysis/creep.h"
+#include "recordings/analysis/cycles.h"
+#include "recordings/analysis/loop_measures.h"
+#include "recordings/analysis/segments.h"
 #include "recordings/reports/plot.h"
 #include "recordings/reports/report.h"
 #include "tests/recordings/sample.h"

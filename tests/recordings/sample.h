@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::recordings::testing {
 

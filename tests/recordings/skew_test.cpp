@@ -1,4 +1,4 @@
-#include "recordings/skew.h"
+#include "recordings/analysis/skew.h"
 
 #include <gtest/gtest.h>
 

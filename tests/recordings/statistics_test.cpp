@@ -1,5 +1,5 @@
 // Estimates and loops against their definitions, taken literally.
-#include "recordings/statistics.h"
+#include "recordings/analysis/statistics.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <limits>
 #include <random>
 
-#include "recordings/reports/loops.h"
-#include "recordings/reports/parabolas.h"
+#include "recordings/analysis/loops.h"
+#include "recordings/analysis/parabolas.h"
 
 namespace ferrobench::recordings {
 namespace {

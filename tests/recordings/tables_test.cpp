@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "protocols/common/error.h"
-#include "recordings/export.h"
+#include "recordings/exchange/export.h"
 #include "recordings/tables/comparison.h"
 #include "tests/recordings/sample.h"
 

@@ -6,6 +6,8 @@
 #include <sstream>
 
 #include "engine_bench.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
 #include "server/cli/words.h"
 #include "server/methods/methods.h"
 

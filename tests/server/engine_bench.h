@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "recordings/file.h"
+#include "recordings/format/parts.h"
 #include "server/engine/engine.h"
 
 namespace ferrobench::server {

@@ -2,6 +2,8 @@
 #include <cmath>
 
 #include "engine_bench.h"
+#include "recordings/disk/new_file.h"
+#include "recordings/file/reader.h"
 #include "server/engine/live.h"
 #include "server/engine/sink.h"
 #include "server/methods/methods.h"

@@ -3,6 +3,7 @@
 
 #include "engine_bench.h"
 #include "model/discrepancy/discover.h"
+#include "recordings/file/reader.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
 

@@ -1,7 +1,9 @@
 // Outputs that may not be at zero: everybody who asks is told to switch the amplifier off.
 #include <gmock/gmock.h>
 
-#include "recordings/recover.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
+#include "recordings/file/writer.h"
 #include "server/engine/aftermath.h"
 #include "tests/daq/faulty_device.h"
 #include "tests/server/engine_bench.h"

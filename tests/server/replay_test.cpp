@@ -1,6 +1,7 @@
 #include <fstream>
 
 #include "engine_bench.h"
+#include "recordings/file/reader.h"
 #include "server/engine/rerun.h"
 #include "server/engine/verify.h"
 #include "server/methods/methods.h"

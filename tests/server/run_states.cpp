@@ -6,6 +6,7 @@
 #include <random>
 #include <thread>
 
+#include "recordings/file/reader.h"
 #include "server/methods/methods.h"
 #include "tests/server/engine_bench.h"
 

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "engine_bench.h"
+#include "recordings/file/reader.h"
 #include "server/methods/methods.h"
 
 namespace ferrobench::server {

@@ -10,7 +10,7 @@
 #include <filesystem>
 
 #include "boards/virtual_bench.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "recordings/tables/experiments.h"
 #include "rig.h"
 #include "server/engine/live.h"

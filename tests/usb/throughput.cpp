@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "daq/registry.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
 #include "rig.h"
 #include "server/engine/live.h"
 #include "server/engine/run.h"

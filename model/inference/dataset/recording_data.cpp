@@ -6,7 +6,7 @@
 
 #include "model/on_recording.h"
 #include "model/simulator.h"
-#include "recordings/skew.h"
+#include "recordings/analysis/skew.h"
 
 namespace ferrobench::model {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 
 namespace ferrobench::model {
 

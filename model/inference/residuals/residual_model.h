@@ -15,7 +15,7 @@
 #include "model/inference/parameters/parameters.h"
 #include "model/model.h"
 #include "model/simulator.h"
-#include "recordings/recording.h"
+#include "recordings/format/recording.h"
 #include "recordings/tables/comparison.h"
 
 namespace ferrobench::model {

@@ -6,7 +6,8 @@
 
 #include "model/simulator.h"
 #include "protocols/protocol.h"
-#include "recordings/file.h"
+#include "recordings/file/reader.h"
+#include "recordings/file/writer.h"
 #include "recordings/reports/report.h"
 
 int main(int argc, char** argv) {

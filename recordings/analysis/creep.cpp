@@ -1,0 +1,111 @@
+#include "recordings/analysis/creep.h"
+
+#include <cmath>
+
+#include "recordings/analysis/cycles.h"
+#include "recordings/analysis/loops.h"
+#include "recordings/analysis/segments.h"
+#include "recordings/analysis/statistics.h"
+
+namespace ferrobench::recordings {
+namespace {
+
+// Time from the hold's start and value, averaged over bins of a tenth of a decade.
+struct LogBins {
+  std::vector<double> log_time, time, value;
+};
+
+LogBins log_bins(const Recording& r, const Signal& signal, const Hold& hold, double from) {
+  LogBins out;
+  double log_sum = 0, time_sum = 0, value_sum = 0, count = 0;
+  auto bin = std::numeric_limits<double>::quiet_NaN();
+  const auto close = [&] {
+    if (count == 0) return;
+    out.log_time.push_back(log_sum / count);
+    out.time.push_back(time_sum / count);
+    out.value.push_back(value_sum / count);
+    log_sum = time_sum = value_sum = count = 0;
+  };
+  for (std::size_t i = hold.first + 1; i <= hold.last; ++i) {
+    const double t = r.time[i] - r.time[hold.first];
+    if (t < from || std::isnan(signal.values[i])) continue;
+    const double log_time = std::log10(t);
+    if (std::floor(10 * log_time) != bin) {
+      close();
+      bin = std::floor(10 * log_time);
+    }
+    log_sum += log_time;
+    time_sum += t;
+    value_sum += signal.values[i];
+    ++count;
+  }
+  close();
+  return out;
+}
+
+std::optional<double> half_time(const std::vector<double>& time, const std::vector<double>& value,
+                                double start, double change) {
+  double time_before = 0, done_before = 0;
+  for (std::size_t i = 0; i < time.size(); ++i) {
+    const double done = (value[i] - start) / change;
+    if (std::isnan(done)) continue;
+    if (done >= 0.5)
+      return time_before + (time[i] - time_before) * (0.5 - done_before) / (done - done_before);
+    time_before = time[i];
+    done_before = done;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::vector<Hold> find_holds(const Recording& recording) {
+  std::vector<Hold> out;
+  const auto segments = segments_of(recording);
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const auto& row = segments[k];
+    if (row.kind != "hold" || row.end_sample - row.start_sample < 10) continue;
+    const auto first = static_cast<std::size_t>(row.start_sample);
+    const auto last = std::min(static_cast<std::size_t>(row.end_sample), recording.size() - 1);
+    const bool after_ramp = k > 0 && segments[k - 1].kind == "ramp";
+    out.push_back({first, last, row.level, recording.time[last] - recording.time[first],
+                   after_ramp ? segments[k - 1].rate : 0, row.label});
+  }
+  return out;
+}
+
+Creep measure_creep(const Recording& recording, const Signal& signal, const Hold& hold) {
+  const auto count = hold.last - hold.first + 1;
+  Creep out;
+  out.start = edge_value(recording, signal, hold.first, count, false);
+  out.end = edge_value(recording, signal, hold.first, count, true);
+  out.change = out.end - out.start;
+
+  const double step = recording.time[hold.first + 1] - recording.time[hold.first];
+  const auto bins = log_bins(recording, signal, hold, std::max(0.01 * hold.duration, 2.5 * step));
+  if (bins.value.size() >= 5) out.per_decade = fit_line(bins.log_time, bins.value).slope;
+
+  // Without noise every sample tells; with it, means over a tenth of a decade do.
+  std::vector<double> time, value;
+  if (signal.exact) {
+    for (std::size_t i = hold.first; i <= hold.last; ++i) {
+      time.push_back(recording.time[i] - recording.time[hold.first]);
+      value.push_back(signal.values[i]);
+    }
+  } else {
+    auto all = log_bins(recording, signal, hold, 0);
+    time = std::move(all.time);
+    value = std::move(all.value);
+    value.push_back(out.start);
+    value.push_back(out.end);
+    time.push_back(hold.duration);
+    time.push_back(hold.duration);
+  }
+  if (const auto range = extremes(value)) out.range = range->span();
+  // A change that noise explains has no half.
+  if (std::abs(out.change) > 3 * signal.noise && out.change != 0)
+    out.time_to_half = half_time(time, value, out.start, out.change);
+  return out;
+}
+
+}  // namespace ferrobench::recordings

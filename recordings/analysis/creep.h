@@ -1,0 +1,35 @@
+// How a channel creeps in a hold, in SI units.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recordings/analysis/signals.h"
+#include "recordings/format/recording.h"
+
+namespace ferrobench::recordings {
+
+struct Hold {
+  std::size_t first = 0, last = 0;  // samples, both ends included: the corner after the ramp, and the end
+  double level = 0;                 // V/m
+  double duration = 0;              // s
+  double ramp_rate = 0;             // V/m/s, of the ramp before; 0 if there is none
+  std::string label;
+};
+// The holds of the segment table with at least ten samples.
+std::vector<Hold> find_holds(const Recording& recording);
+
+struct Creep {
+  double start = 0, end = 0;
+  double change = 0;                   // end minus start
+  double range = 0;                    // largest minus smallest value within the hold
+  std::optional<double> per_decade;    // slope against log10(t / 1 s), t from the hold's start
+  std::optional<double> time_to_half;  // s, when half of `change` has happened
+};
+
+// start and end: edge_value(). The slope is fitted by least squares to means over tenths of a decade, from a
+// hundredth of the hold (and at least three samples) on.
+Creep measure_creep(const Recording& recording, const Signal& signal, const Hold& hold);
+
+}  // namespace ferrobench::recordings
