@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
+#include <random>
 
 #include "model/inference/dataset/recording_data.h"
 #include "model/inference/residuals/separable.h"
+#include "model/inference/search/features.h"
 #include "model/inference/search/global_search.h"
+#include "model/inference/solver/covariance.h"
 #include "model/inference/solver/least_squares.h"
 #include "model/inference/study/fit.h"
 #include "tests/model/measured.h"
@@ -97,12 +99,61 @@ TEST(LeastSquares, KeepsToTheBounds) {
 
 TEST(LeastSquares, SlopesAreThoseOfTheFunction) {
   const std::vector<double> at{0.25, 0.4};
-  const auto slopes = jacobian(20, at, decay, 1e-4);
+  Eigen::VectorXd middle(20);
+  ASSERT_TRUE(decay(at, {middle.data(), 20}));
+  const auto slopes = jacobian(middle, at, decay, 1e-4);
   for (Eigen::Index i = 0; i < 20; ++i) {
     const double t = 0.1 * static_cast<double>(i);
     EXPECT_NEAR(slopes(i, 0), -10 * t * 4 * std::exp(-2.5 * t), 1e-5);
     EXPECT_NEAR(slopes(i, 1), 10 * std::exp(-2.5 * t), 1e-5);
   }
+}
+
+// Where one side of a difference cannot be had the other one serves; where neither can, nothing moves.
+TEST(LeastSquares, SlopesNeedOneSideOnly) {
+  const auto left_only = [](std::span<const double> u, std::span<double> out) {
+    out[0] = 3 * u[0] + u[1];
+    return u[0] <= 0.5 && u[1] == 0.4;
+  };
+  const std::vector<double> at{0.5, 0.4};
+  const auto slopes = jacobian(Eigen::VectorXd::Constant(1, 1.9), at, left_only, 1e-3);
+  EXPECT_NEAR(slopes(0, 0), 3, 1e-9);
+  EXPECT_EQ(slopes(0, 1), 0);
+}
+
+// A straight line through measurements with errors of one standard deviation: the textbook's covariance.
+TEST(Covariance, OfCellsWithKnownErrorsIsThatOfTheTextbook) {
+  Eigen::MatrixXd slopes(8, 2);
+  Eigen::VectorXd r(8);
+  for (Eigen::Index i = 0; i < 8; ++i) {
+    slopes.row(i) << 100, 30 * static_cast<double>(i);
+    r[i] = i % 2 == 0 ? 0.5 : -0.5;
+  }
+  const auto c = covariance({{"line", 0, 8, true}}, r, slopes);
+  const Eigen::Matrix2d expected = (slopes.transpose() * slopes + 12 * Eigen::Matrix2d::Identity()).inverse();
+  EXPECT_LT((c - expected).norm(), 1e-3 * expected.norm());
+}
+
+// Errors that stay the same over ten rows are one measurement, not ten.
+TEST(Covariance, OfARecordingAllowsForErrorsThatStay) {
+  Eigen::MatrixXd slopes = Eigen::MatrixXd::Constant(4000, 1, 10);
+  Eigen::VectorXd alone(4000), staying(4000);
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  for (Eigen::Index i = 0; i < 4000; ++i) {
+    alone[i] = normal(random);
+    staying[i] = i % 10 == 0 ? normal(random) : staying[i - 1];
+  }
+  const double ratio =
+      covariance({{"x", 0, 4000}}, staying, slopes)(0, 0) / covariance({{"x", 0, 4000}}, alone, slopes)(0, 0);
+  EXPECT_GT(ratio, 6);
+  EXPECT_LT(ratio, 16);
+}
+
+TEST(Covariance, OfWhatTheDataDoNotTellIsThatOfItsRange) {
+  const Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(5, 1);
+  const auto c = covariance({{"x", 0, 5}}, Eigen::VectorXd::Ones(5), slopes);
+  EXPECT_NEAR(c(0, 0), 1.0 / 12, 1e-12);
 }
 
 constexpr SimulationOptions coarse{.tolerance = 1e-3, .domains = 128};
@@ -136,6 +187,37 @@ TEST(SeparableParameters, OfAFreeSpecimenAreFoundByLeastSquares) {
   EXPECT_NEAR(m.remanent_strain_90, truth.material.remanent_strain_90,
               2e-2 * -truth.material.remanent_strain_90);
   EXPECT_LT(point->squares, 1);  // percent of the range, squared, of four channels
+}
+
+// The features of the loops of a known specimen are those of that specimen, to the factor that they promise.
+TEST(Features, OfLoopsAreAStart) {
+  auto truth = free_specimen_model();
+  truth.polycrystal.bias_field = -1.2e5;
+  const auto residuals = recording_residuals(loops_at_two_rates(truth));
+  auto start = truth;
+  start.material.barrier *= 4;
+  start.material.remanent_polarization *= 0.6;
+  start.material.permittivity_180 *= 3;
+  start.material.piezoelectric_180 /= 2;
+  start.polycrystal.bias_field = 0;
+  const auto found = start_from_features(start, default_free_parameters(truth), residuals->recordings());
+  ASSERT_TRUE(found.has_value());
+  const auto within = [](double value, double wanted, double factor) {
+    EXPECT_GT(value / wanted, 1 / factor);
+    EXPECT_LT(value / wanted, factor);
+  };
+  within(found->material.remanent_polarization, truth.material.remanent_polarization, 1.3);
+  within(found->material.permittivity_180, truth.material.permittivity_180, 1.5);
+  within(found->material.piezoelectric_180, truth.material.piezoelectric_180, 1.5);
+  within(found->material.remanent_strain_90, truth.material.remanent_strain_90, 3);
+  within(found->material.barrier, truth.material.barrier, 2);
+  EXPECT_NEAR(found->polycrystal.bias_field, truth.polycrystal.bias_field, 3e4);
+}
+
+TEST(Features, OfRecordingsWithoutALoopDoNotExist) {
+  const auto truth = free_specimen_model();
+  const auto residuals = recording_residuals({measured_on(truth, unipolar(), coarse)});
+  EXPECT_FALSE(start_from_features(truth, default_free_parameters(truth), residuals->recordings()));
 }
 
 TEST(SeparableParameters, DoNotExistBehindASpring) {

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "model/inference/dataset/recording_data.h"
 #include "model/inference/residuals/free_specimen.h"
@@ -32,6 +33,7 @@ class RecordingResiduals final : public ResidualModel {
   }
 
   std::vector<std::string> unused() const override { return unused_; }
+  std::span<const RecordingData> recordings() const override { return data_; }
 
   Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const override {
     std::size_t next = 0;
@@ -58,9 +60,8 @@ class RecordingResiduals final : public ResidualModel {
       throw Error(ErrorCode::numerical, "the model cannot be simulated under these recordings");
     std::vector<std::pair<std::string, double>> out;
     for (const auto& part : parts_) {
-      double sum = 0;
-      for (std::size_t k = 0; k < part.count; ++k) sum += all[part.first + k] * all[part.first + k];
-      out.emplace_back(part.name + ", percent of range", std::sqrt(sum));
+      const auto rows = std::span<const double>(all).subspan(part.first, part.count);
+      out.emplace_back(part.name + ", percent of range", std::sqrt(sum_of_squares(rows)));
     }
     return out;
   }

@@ -4,6 +4,12 @@
 
 namespace ferrobench::model {
 
+double sum_of_squares(std::span<const double> r) {
+  double sum = 0;
+  for (const double v : r) sum += v * v;
+  return sum;
+}
+
 std::unique_ptr<Separable> ResidualModel::separable(const Model&, const std::vector<FreeParameter>&) const {
   return nullptr;
 }

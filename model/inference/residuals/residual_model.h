@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/inference/dataset/recording_data.h"
 #include "model/inference/parameters/parameters.h"
 #include "model/model.h"
 #include "model/simulator.h"
@@ -30,11 +31,16 @@ struct Fidelity {
 // Whether a model could be simulated at the values asked for. A search turns back where it could not.
 enum class Solved { yes, no };
 
-// Residuals of one measured quantity: the rows first .. first + count.
+// Residuals of one measured quantity: the rows first .. first + count. Of a recording they are percent of the
+// range, their errors have a standard deviation that is not known and go together in time; of a table they
+// are counted in standard deviations and are independent.
 struct ResidualPart {
   std::string name;  // "loops, displacement"
   std::size_t first = 0, count = 0;
+  bool in_standard_deviations = false;
 };
+
+double sum_of_squares(std::span<const double> r);
 
 // A problem in which some parameters enter linearly, once the kinetics are known (residuals/separable.h).
 class Separable;
@@ -53,6 +59,8 @@ class ResidualModel {
                                                               const Fidelity& fidelity) const = 0;
   // What was given and says nothing, a sentence each: "loops, force never changes".
   virtual std::vector<std::string> unused() const { return {}; }
+  // The recordings behind it, if it is of recordings: where a search looks for a start.
+  virtual std::span<const RecordingData> recordings() const { return {}; }
   // Null where no parameter enters linearly. What it gives refers to this object.
   virtual std::unique_ptr<Separable> separable(const Model&, const std::vector<FreeParameter>&) const;
 

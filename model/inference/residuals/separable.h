@@ -9,7 +9,7 @@
 // with P = P_r the remanent polarization, V the activation volume and s_std the spread of interaction
 // stresses (4.16 to 4.24: a driving force over kT). With the fractions known,
 //
-//   charge        n A [ P (x+ - x- - rho x90 E) + kappa_180 E ] + offset       linear in P, kappa_180
+//   charge        n A [ P (x+ - x- + rho (1 - x90) E) + kappa_90 E ] + offset  linear in P, kappa_90
 //   displacement  L [ eps_90 x90 + d (x+ - x-) E ] + offset                    linear in eps_90, d
 //
 // so a search has four dimensions less, and each of its points has the best of these four. What is left out,
@@ -36,7 +36,7 @@ class Separable {
   };
   // Empty where the model could not be simulated. Throws Error(cancelled).
   virtual std::optional<Point> at(std::span<const double> unit, const Fidelity& fidelity) const = 0;
-  // Where a model lies in the cube, for tests.
+  // Where a model lies in the cube: where a search may begin.
   virtual std::vector<double> place(const Model& model) const = 0;
 };
 

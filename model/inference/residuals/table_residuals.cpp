@@ -13,7 +13,7 @@ class TableResiduals final : public ResidualModel {
       : experiments_(tables, parameters) {
     for (const auto& table : experiments_.tables()) {
       const auto count = table.cells.size() + (has_trends(table) ? trends(table).size() : 0);
-      parts_.push_back({"table " + table.name, size_, count});
+      parts_.push_back({"table " + table.name, size_, count, true});
       size_ += count;
     }
   }

@@ -1,5 +1,6 @@
 #include "model/inference/search/global_search.h"
 
+#include <algorithm>
 #include <pagmo/algorithm.hpp>
 #include <pagmo/algorithms/cmaes.hpp>
 #include <pagmo/population.hpp>
@@ -29,7 +30,10 @@ GlobalMinimum global_search(std::size_t dimensions,
   const auto seed = static_cast<unsigned>(options.seed);
   constexpr double narrowest = 1e-6;  // of the population in any direction
   pagmo::population population{pagmo::problem{UnitCube{&objective, dimensions}},
-                               static_cast<pagmo::population::size_type>(options.population), seed};
+                               static_cast<pagmo::population::size_type>(
+                                   std::max(1, options.population - static_cast<int>(options.places.size()))),
+                               seed};
+  for (const auto& place : options.places) population.push_back(place);
   const pagmo::algorithm evolution{pagmo::cmaes(static_cast<unsigned>(options.generations), -1, -1, -1, -1,
                                                 options.step, options.tolerance, narrowest, false, true,
                                                 seed)};

@@ -17,6 +17,7 @@ struct GlobalSearchOptions {
   double step = 0.3;        // first standard deviation: the cube's own is 0.29
   double tolerance = 1e-3;  // ends once a generation's values are no further apart than this
   std::uint64_t seed = 1;
+  std::vector<std::vector<double>> places{};  // in the first generation, beside places drawn evenly
 };
 
 struct GlobalMinimum {
@@ -25,7 +26,7 @@ struct GlobalMinimum {
   int evaluations = 0;
 };
 
-// The first generation is drawn evenly. `objective` may throw, which ends the search.
+// The best of the first generation is where the others begin. `objective` may throw, which ends the search.
 GlobalMinimum global_search(std::size_t dimensions,
                             const std::function<double(std::span<const double>)>& objective,
                             const GlobalSearchOptions& options);

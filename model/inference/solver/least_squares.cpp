@@ -4,7 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <atomic>
+#include <array>
 #include <exception>
 #include <limits>
 
@@ -24,13 +24,12 @@ class Cost final : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     if (thrown_) return false;
     try {
-      const auto n = static_cast<std::size_t>(parameter_block_sizes()[0]);
       const auto rows = static_cast<std::size_t>(num_residuals());
-      const std::span<const double> at(parameters[0], n);
+      const std::span<const double> at(parameters[0], static_cast<std::size_t>(parameter_block_sizes()[0]));
       if (!function_(at, {residuals, rows})) return false;
       if (jacobians == nullptr || jacobians[0] == nullptr) return true;
-      const auto slopes = jacobian(rows, at, function_, difference_);
-      if (slopes.size() == 0) return false;
+      const Eigen::Map<Eigen::VectorXd> middle(residuals, num_residuals());
+      const auto slopes = jacobian(middle, at, function_, difference_);
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
           jacobians[0], slopes.rows(), slopes.cols()) = slopes;
       return true;
@@ -61,31 +60,34 @@ class Follow final : public ceres::IterationCallback {
 
 }  // namespace
 
-Eigen::MatrixXd jacobian(std::size_t residuals, std::span<const double> at, const ResidualFunction& function,
-                         double difference) {
-  const auto rows = static_cast<Eigen::Index>(residuals);
-  Eigen::MatrixXd out(rows, static_cast<Eigen::Index>(at.size()));
-  std::atomic<bool> solved{true};
+Eigen::MatrixXd jacobian(const Eigen::VectorXd& middle, std::span<const double> at,
+                         const ResidualFunction& function, double difference) {
+  Eigen::MatrixXd out(middle.size(), static_cast<Eigen::Index>(at.size()));
   tbb::parallel_for(std::size_t{0}, at.size(), [&](std::size_t i) {
-    std::vector<double> low(at.begin(), at.end()), high = low;
-    low[i] = std::max(0.0, at[i] - difference);
-    high[i] = std::min(1.0, at[i] + difference);
-    Eigen::VectorXd below(rows), above(rows);
-    if (!function(low, {below.data(), residuals}) || !function(high, {above.data(), residuals})) {
-      solved = false;
-      return;
+    std::array<Eigen::VectorXd, 2> side{middle, middle};
+    std::array<double, 2> place{at[i], at[i]};
+    for (std::size_t k = 0; k < 2; ++k) {
+      std::vector<double> moved(at.begin(), at.end());
+      moved[i] = std::clamp(at[i] + (k == 0 ? -difference : difference), 0.0, 1.0);
+      if (moved[i] == at[i]) continue;
+      Eigen::VectorXd r(middle.size());
+      if (!function(moved, {r.data(), static_cast<std::size_t>(r.size())})) continue;
+      side[k] = r;
+      place[k] = moved[i];
     }
-    out.col(static_cast<Eigen::Index>(i)) = (above - below) / (high[i] - low[i]);
+    auto column = out.col(static_cast<Eigen::Index>(i));
+    if (place[1] > place[0])
+      column = (side[1] - side[0]) / (place[1] - place[0]);
+    else
+      column.setZero();
   });
-  return solved ? out : Eigen::MatrixXd();
+  return out;
 }
 
 LeastSquaresResult least_squares(std::size_t residuals, const std::vector<double>& start,
                                  const ResidualFunction& function, const LeastSquaresOptions& options) {
   LeastSquaresResult out{.at = start, .squares = std::numeric_limits<double>::infinity()};
-  Eigen::VectorXd first(static_cast<Eigen::Index>(residuals));
-  if (!function(start, {first.data(), residuals}) ||
-      jacobian(residuals, start, function, options.difference).size() == 0)
+  if (std::vector<double> first(residuals); !function(start, first))
     return out;  // where Ceres would complain to the standard error output
   std::exception_ptr thrown;
   ceres::Problem problem;

@@ -1,5 +1,7 @@
 // Bounded nonlinear least squares: Levenberg-Marquardt in a trust region, in coordinates that run from 0 to 1
-// between a parameter's bounds.
+// between a parameter's bounds. Parts whose standard deviation is not known are weighed again at every step
+// by what they leave (iteratively reweighted least squares: P. J. Green, J. R. Statist. Soc. B 46 (1984)
+// 149).
 #pragma once
 
 #include <Eigen/Dense>
@@ -16,7 +18,7 @@ struct LeastSquaresOptions {
   // a domain's own field, which a difference has to be wide against.
   double difference = 3e-3;
   // Called with the sum of squares and the place at the start and after each step that gained.
-  std::function<void(double, std::span<const double>)> progress;
+  std::function<void(double squares, std::span<const double> at)> progress;
 };
 
 struct LeastSquaresResult {
@@ -31,9 +33,10 @@ using ResidualFunction = std::function<bool(std::span<const double> unit, std::s
 LeastSquaresResult least_squares(std::size_t residuals, const std::vector<double>& start,
                                  const ResidualFunction& function, const LeastSquaresOptions& options);
 
-// d residual / d coordinate by central differences, from one side at a bound; empty where the residuals
-// cannot be had. The columns are made side by side.
-Eigen::MatrixXd jacobian(std::size_t residuals, std::span<const double> at, const ResidualFunction& function,
-                         double difference);
+// d residual / d coordinate by central differences around `at`, where the residuals are `middle`; from one
+// side at a bound or where the other side cannot be had, and zero where neither can. The columns are made
+// side by side.
+Eigen::MatrixXd jacobian(const Eigen::VectorXd& middle, std::span<const double> at,
+                         const ResidualFunction& function, double difference);
 
 }  // namespace ferrobench::model

@@ -4,79 +4,23 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <mutex>
+#include <span>
 #include <tuple>
 
 #include "model/inference/residuals/separable.h"
+#include "model/inference/search/features.h"
 #include "model/inference/search/global_search.h"
+#include "model/inference/solver/covariance.h"
 #include "model/inference/solver/least_squares.h"
+#include "model/inference/study/fit_watch.h"
 
 namespace ferrobench::model {
 namespace {
 
-// Where minima are only looked for: 128 domains leave 0.15 % of the range on the loops of a ceramic, which
-// the model misses by 5 %, at a tenth of the cost.
-constexpr int coarse_domains = 128;
-constexpr double coarse_tolerance = 1e-3;
-constexpr double unsolvable =
-    1e9;  // sum of squares that a global search sees where a model cannot be simulated
-
-struct Candidate {
-  std::vector<double> at;
-  double squares = std::numeric_limits<double>::infinity();
-};
-
-// What all threads of a fit share: the caller's wishes, asked one at a time, and the best so far.
-class Watch {
- public:
-  explicit Watch(const FitOptions& options) : options_(options) {
-    stop_ = [this] {
-      const std::lock_guard lock(mutex_);
-      if (!stopped_ && options_.simulation.stop != nullptr) stopped_ = (*options_.simulation.stop)();
-      return stopped_;
-    };
-  }
-
-  const std::function<bool()>* stop() const { return &stop_; }
-  void stage(std::string name, double from, double to, int simulations) {
-    const std::lock_guard lock(mutex_);
-    progress_.stage = std::move(name);
-    from_ = from;
-    to_ = to;
-    expected_ = std::max(1, simulations);
-    done_ = 0;
-  }
-  // Before each simulation. Throws Error(cancelled) once the caller wants no more; the first is always made.
-  void count() {
-    const std::lock_guard lock(mutex_);
-    ++done_;
-    progress_.fraction = from_ + (to_ - from_) * std::min(1.0, static_cast<double>(done_) / expected_);
-    if (simulations_++ > 0 && !stopped_ && options_.progress) stopped_ = !options_.progress(progress_);
-    if (stopped_) throw Error(ErrorCode::cancelled, "the fit was stopped");
-  }
-  void keep(double squares, std::span<const double> at) {
-    const std::lock_guard lock(mutex_);
-    if (squares >= best_.squares) return;
-    best_ = {{at.begin(), at.end()}, squares};
-    progress_.cost = squares;
-  }
-  Candidate best() {
-    const std::lock_guard lock(mutex_);
-    return best_;
-  }
-  int simulations() const { return simulations_; }
-
- private:
-  const FitOptions& options_;
-  std::function<bool()> stop_;
-  std::mutex mutex_;
-  FitProgress progress_;
-  double from_ = 0, to_ = 1;
-  int expected_ = 1, done_ = 0, simulations_ = 0;
-  bool stopped_ = false;
-  Candidate best_;
-};
+// What a global search sees where a model cannot be simulated.
+constexpr double unsolvable = 1e9;
+// Steps of least squares from each start before the best are chosen.
+constexpr int first_steps = 5;
 
 class Study {
  public:
@@ -84,35 +28,42 @@ class Study {
       : start_(start), residuals_(residuals), options_(options), watch_(options) {
     fine_.simulation = options.simulation;
     fine_.simulation.stop = watch_.stop();
-    coarse_ = fine_;
-    coarse_.simulation.tolerance = std::max(coarse_tolerance, fine_.simulation.tolerance);
-    const int domains = fine_.simulation.domains;
-    coarse_.simulation.domains = domains > 0 ? std::min(domains, coarse_domains) : coarse_domains;
-    coarse_.coarse = true;
+    const auto simplified = [&](const SimulationFidelity& f) {
+      Fidelity out = fine_;
+      out.simulation.tolerance = std::max(f.tolerance, fine_.simulation.tolerance);
+      const int domains = fine_.simulation.domains;
+      out.simulation.domains = domains > 0 ? std::min(domains, f.domains) : f.domains;
+      out.coarse = true;
+      return out;
+    };
+    coarse_ = simplified(options.coarse);
+    middle_ = simplified(options.middle);
     given_ = unit_of(start);
   }
 
   FitResult run() {
     FitResult out;
     out.model = start_;
-    Candidate fine{given_, first_squares()};
-    out.cost_before = fine.squares;
-    watch_.keep(fine.squares, fine.at);
+    const auto given = first();
+    out.cost_before = given.squares;
+    watch_.keep(given);
+    auto best = given;
     try {
-      if (options_.starts > 1) fine.at = best_start();
-      watch_.stage("solving", options_.starts > 1 ? 0.8 : 0, 0.95, solution());
-      fine = solve(fine.at, fine_, true);
-      if (!(fine.squares <= out.cost_before)) fine = watch_.best();
+      if (options_.starts > 1) best = best_start();
+      watch_.stage("solving", options_.starts > 1 ? 0.6 : 0, 0.95, 2 * solution());
+      if (options_.starts == 1 || options_.refined == 1) best = solve(best.at, middle_, options_.iterations);
+      best = solve(best.at, fine_, options_.iterations, 1e-4);
+      if (!(best.squares <= given.squares)) best = given;
       watch_.stage("estimating uncertainty", 0.95, 1, 2 * parameters());
-      uncertainty(fine.at, out);
+      uncertainty(best.at, out);
     } catch (const Error& e) {
       if (e.code() != ErrorCode::cancelled) throw;
       out.stopped = true;
-      fine = watch_.best();
+      best = watch_.best();
       out.parameters.clear();
     }
-    out.model = model_at(fine.at);
-    out.cost_after = fine.squares;
+    out.model = model_at(best.at);
+    out.cost_after = best.squares;
     out.simulations = watch_.simulations();
     out.parameters.resize(options_.free.size());
     for (std::size_t i = 0; i < options_.free.size(); ++i) {
@@ -120,7 +71,7 @@ class Study {
       p.free = options_.free[i];
       p.from = get_parameter(start_, p.free.path);
       p.to = get_parameter(out.model, p.free.path);
-      p.at_bound = fine.at[i] < 0.01 || fine.at[i] > 0.99;
+      p.at_bound = best.at[i] < 0.01 || best.at[i] > 0.99;
       p.determined = p.determined && !p.at_bound;
     }
     return out;
@@ -128,15 +79,8 @@ class Study {
 
  private:
   int parameters() const { return static_cast<int>(options_.free.size()); }
-  // Simulations of a least-squares solution, about.
-  int solution() const { return options_.iterations * (1 + 2 * parameters()); }
-
-  // Simulations of a global search, about.
-  int search_simulations() const {
-    const GlobalSearchOptions options;
-    const int once = options.population * options.generations;
-    return residuals_.separable(start_, options_.free) ? once : 2 * once;
-  }
+  // Simulations of a least-squares solution, about: few take all of their steps.
+  int solution() const { return options_.iterations * (1 + 2 * parameters()) / 2; }
 
   std::vector<double> unit_of(const Model& m) const {
     std::vector<double> out;
@@ -144,28 +88,25 @@ class Study {
     return out;
   }
   Model model_at(std::span<const double> unit) const {
-    std::vector<std::pair<std::string, double>> values;
+    Model out = start_;
     for (std::size_t i = 0; i < unit.size(); ++i)
       // A parameter that stays where it was keeps all its digits, even outside of its range.
       if (unit[i] != given_[i])
-        values.emplace_back(options_.free[i].path, from_unit(options_.free[i], unit[i]));
-    return with_parameters(start_, values);
+        set_parameter(out, options_.free[i].path, from_unit(options_.free[i], unit[i]));
+    return out;
   }
 
-  // Infinite where the model cannot be simulated.
-  double squares(const Model& m, const Fidelity& fidelity) {
+  // The sum of squares is infinite where the model cannot be simulated.
+  FitCandidate evaluate(std::span<const double> at, const Fidelity& fidelity) {
     std::vector<double> r(residuals_.size());
-    watch_.count();
-    if (residuals_.evaluate(m, fidelity, r) == Solved::no) return std::numeric_limits<double>::infinity();
-    double sum = 0;
-    for (const double v : r) sum += v * v;
-    return sum;
+    if (!function(fidelity)(at, r)) return {.at = {at.begin(), at.end()}};
+    return {{at.begin(), at.end()}, sum_of_squares(r)};
   }
 
-  double first_squares() {
+  FitCandidate first() {
     try {
-      const double sum = squares(start_, fine_);
-      if (std::isfinite(sum)) return sum;
+      auto given = evaluate(given_, fine_);
+      if (std::isfinite(given.squares)) return given;
     } catch (const Error& e) {
       if (e.code() != ErrorCode::cancelled) throw;
       throw Error(ErrorCode::cancelled, "the fit was stopped before its first simulation ended");
@@ -181,101 +122,94 @@ class Study {
     };
   }
 
-  Candidate solve(const std::vector<double>& from, const Fidelity& fidelity, bool keep) {
+  FitCandidate solve(const std::vector<double>& from, const Fidelity& fidelity, int iterations,
+                     double tolerance = 1e-5) {
+    if (from.empty()) return {};
     LeastSquaresOptions options;
-    options.iterations = options_.iterations;
-    if (keep) options.progress = [this](double sum, std::span<const double> at) { watch_.keep(sum, at); };
-    const auto f = function(fidelity);
-    const auto result = least_squares(residuals_.size(), from, f, options);
-    return {result.at, result.squares};
+    options.tolerance = tolerance;
+    options.iterations = iterations;
+    FitCandidate last{.at = from};  // where it cannot be simulated, a sum without end
+    options.progress = [&](double squares, std::span<const double> at) {
+      last = {{at.begin(), at.end()}, squares};
+      watch_.keep(last);
+    };
+    least_squares(residuals_.size(), from, function(fidelity), options);
+    return last;
   }
 
-  Candidate search(std::uint64_t seed) {
+  // From the given model and from what the data show, if that is more.
+  std::vector<Model> first_models() const {
+    std::vector<Model> out{start_};
+    if (const auto shown = start_from_features(start_, options_.free, residuals_.recordings()))
+      out.push_back(*shown);
+    return out;
+  }
+
+  FitCandidate search(std::uint64_t seed, const std::vector<Model>& models) {
     GlobalSearchOptions options;
     options.seed = seed;
-    const auto separable = residuals_.separable(start_, options_.free);
-    const auto finite = [](double sum) { return std::isfinite(sum) ? sum : unsolvable; };
-    if (separable) {
+    const auto finite = [](double value) { return std::isfinite(value) ? value : unsolvable; };
+    if (const auto separable = residuals_.separable(start_, options_.free)) {
+      for (const auto& m : models) options.places.push_back(separable->place(m));
       const auto found = global_search(
           separable->dimensions(),
           [&](std::span<const double> unit) {
             watch_.count();
             const auto point = separable->at(unit, coarse_);
-            if (point && point->squares < watch_.best().squares)
-              watch_.keep(point->squares, unit_of(point->model));
             return point ? finite(point->squares) : unsolvable;
           },
           options);
-      if (const auto point = separable->at(found.at, coarse_)) return {unit_of(point->model), point->squares};
-      return {};
+      const auto point = separable->at(found.at, coarse_);
+      return point ? evaluate(unit_of(point->model), coarse_) : FitCandidate{};
     }
+    // Nothing is eliminated: there are more dimensions to learn.
     options.generations *= 2;
+    for (const auto& m : models) options.places.push_back(unit_of(m));
     const auto found = global_search(
         given_.size(),
         [&](std::span<const double> unit) {
-          const double sum = squares(model_at(unit), coarse_);
-          watch_.keep(sum, unit);
-          return finite(sum);
+          auto c = evaluate(unit, coarse_);
+          const double value = finite(c.squares);
+          watch_.keep(std::move(c));
+          return value;
         },
         options);
-    return {found.at, found.value};
+    return evaluate(found.at, coarse_);
   }
 
-  std::vector<double> best_start() {
+  FitCandidate best_start() {
+    const auto models = first_models();
     const auto searches = static_cast<std::size_t>(options_.starts - 1);
-    std::vector<Candidate> found(searches + 1);
-    found[0].at = given_;
-    watch_.stage("searching", 0, 0.5, static_cast<int>(searches) * search_simulations());
-    tbb::parallel_for(std::size_t{1}, found.size(),
-                      [&](std::size_t i) { found[i] = search(options_.seed * 1000 + i); });
-    watch_.stage("solving from each start", 0.5, 0.8, options_.starts * solution());
-    for (auto& c : found)
-      if (!c.at.empty()) c = solve(c.at, coarse_, false);
-    return std::ranges::min_element(found, {}, &Candidate::squares)->at;
-  }
-
-  // Rows over which the residuals of a part stay correlated: 1 + 2 times the sum of their autocorrelation up
-  // to its first zero. Cells of a table are independent measurements.
-  static double correlated_rows(const Eigen::Ref<const Eigen::VectorXd>& r) {
-    const auto n = r.size();
-    const double variance = r.squaredNorm();
-    double sum = 1;
-    for (Eigen::Index lag = 1; lag < n / 2 && variance > 0; ++lag) {
-      const double rho = r.head(n - lag).dot(r.tail(n - lag)) / variance;
-      if (rho <= 0) break;
-      sum += 2 * rho;
-    }
-    return sum;
+    std::vector<FitCandidate> found(searches);
+    const int once = GlobalSearchOptions{}.population * GlobalSearchOptions{}.generations;
+    watch_.stage("searching", 0, 0.4, static_cast<int>(searches) * once);
+    tbb::parallel_for(std::size_t{0}, searches,
+                      [&](std::size_t i) { found[i] = search(options_.seed * 1000 + i, models); });
+    for (const auto& m : models) found.push_back({.at = unit_of(m)});
+    watch_.stage(
+        "solving from each start", 0.4, 0.6,
+        static_cast<int>(found.size()) * first_steps * 2 * parameters() + options_.refined * solution());
+    // A few steps tell which start leads farthest down; those of them go on.
+    for (auto& c : found) c = solve(c.at, middle_, first_steps);
+    std::ranges::sort(found, {}, &FitCandidate::squares);
+    found.resize(std::min(found.size(), static_cast<std::size_t>(options_.refined)));
+    if (found.size() > 1)
+      for (auto& c : found) c = solve(c.at, middle_, options_.iterations);
+    return *std::ranges::min_element(found, {}, &FitCandidate::squares);
   }
 
   void uncertainty(const std::vector<double>& at, FitResult& out) {
-    const auto f = function(fine_);
-    const auto slopes = jacobian(residuals_.size(), at, f, LeastSquaresOptions{}.difference);
-    Eigen::VectorXd r(static_cast<Eigen::Index>(residuals_.size()));
-    const bool solved = f(at, {r.data(), residuals_.size()});
-    const auto n = static_cast<Eigen::Index>(at.size());
     out.parameters.resize(at.size());
-    if (slopes.size() == 0 || !solved) return;
-    const double freedom = std::max<double>(1, static_cast<double>(r.size() - n));
-    const double variance = std::max(r.squaredNorm() / freedom, 1e-300);
-    constexpr double prior = 12;  // 1 / variance of a uniform distribution over [0, 1]
-    const Eigen::MatrixXd range = prior * Eigen::MatrixXd::Identity(n, n);
-    Eigen::MatrixXd information = range, spread = range;
-    for (const auto& part : residuals_.parts()) {
-      const auto first = static_cast<Eigen::Index>(part.first), count = static_cast<Eigen::Index>(part.count);
-      const auto j = slopes.middleRows(first, count);
-      const auto rows = r.segment(first, count);
-      const Eigen::MatrixXd square = j.transpose() * j / variance;
-      information += square;
-      spread += correlated_rows(rows) * rows.squaredNorm() / static_cast<double>(count) / variance * square;
-    }
-    const Eigen::MatrixXd inverse = information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
-    const Eigen::MatrixXd covariance = inverse * spread * inverse;
-    for (Eigen::Index i = 0; i < n; ++i) {
+    const auto f = function(fine_);
+    Eigen::VectorXd r(static_cast<Eigen::Index>(residuals_.size()));
+    if (!f(at, {r.data(), residuals_.size()})) return;
+    const auto slopes = jacobian(r, at, f, LeastSquaresOptions{}.difference);
+    const auto c = covariance(residuals_.parts(), r, slopes);
+    for (Eigen::Index i = 0; i < c.rows(); ++i) {
       const auto k = static_cast<std::size_t>(i);
       auto& p = out.parameters[k];
       const auto& free = options_.free[k];
-      const double deviation = std::sqrt(covariance(i, i));
+      const double deviation = std::sqrt(c(i, i));
       constexpr double quantile = 1.96;  // of the normal distribution, 95 % two-sided
       const double below = at[k] - quantile * deviation, above = at[k] + quantile * deviation;
       std::tie(p.low, p.high) = std::minmax({from_unit(free, below), from_unit(free, above)});
@@ -284,16 +218,16 @@ class Study {
               (std::min(1.0, at[k] + step) - std::max(0.0, at[k] - step)) * deviation;
       p.determined = above - below < 0.5;
       out.correlations.emplace_back();
-      for (Eigen::Index l = 0; l < n; ++l)
-        out.correlations.back().push_back(covariance(i, l) / std::sqrt(covariance(i, i) * covariance(l, l)));
+      for (Eigen::Index l = 0; l < c.cols(); ++l)
+        out.correlations.back().push_back(c(i, l) / std::sqrt(c(i, i) * c(l, l)));
     }
   }
 
   const Model& start_;
   const ResidualModel& residuals_;
   const FitOptions& options_;
-  Watch watch_;
-  Fidelity fine_, coarse_;
+  FitWatch watch_;
+  Fidelity fine_, middle_, coarse_;
   std::vector<double> given_;
 };
 

@@ -1,0 +1,51 @@
+#include "model/inference/residuals/simulated_rows.h"
+
+#include <cmath>
+
+namespace ferrobench::model {
+
+using recordings::Channel;
+
+namespace {
+
+// Steps that a simulation may take for each knot and on top: twenty times what shipped models take. A search
+// that strays into models stiffer than that turns back.
+constexpr std::uint64_t steps_per_knot = 20, steps_at_least = 20000;
+
+}  // namespace
+
+const std::vector<double>& SimulatedRows::at(Channel channel) const {
+  if (channel == Channel::charge) return charge;
+  return channel == Channel::displacement ? displacement : force;
+}
+
+double residual_scale(const MeasuredColumn& column) {
+  return 100 / (column.range * std::sqrt(static_cast<double>(column.rows.size())));
+}
+
+std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,
+                                               const Fidelity& fidelity) {
+  const auto& drive = fidelity.coarse ? data.simplified : data.drive;
+  const auto n = data.time.size();
+  SimulatedRows out;
+  for (auto* column : {&out.field, &out.charge, &out.displacement, &out.force, &out.plus, &out.minus})
+    column->resize(n);
+  ChannelSpans spans;
+  spans.field = out.field;
+  spans.charge = out.charge;
+  spans.displacement = out.displacement;
+  spans.force = out.force;
+  spans.fraction_plus = out.plus;
+  spans.fraction_minus = out.minus;
+  auto options = fidelity.simulation;
+  if (options.most_steps == 0) options.most_steps = steps_at_least + steps_per_knot * drive.time.size();
+  try {
+    simulate_at(model, drive.time, drive.field, data.time, spans, options);
+  } catch (const Error& e) {
+    if (e.code() == ErrorCode::numerical || e.code() == ErrorCode::bad_model) return std::nullopt;
+    throw;
+  }
+  return out;
+}
+
+}  // namespace ferrobench::model

@@ -1,0 +1,24 @@
+// A recording's rows as a model gives them.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "model/inference/dataset/recording_data.h"
+#include "model/inference/residuals/residual_model.h"
+
+namespace ferrobench::model {
+
+// The channels at a recording's rows; fractions and field too.
+struct SimulatedRows {
+  std::vector<double> field, charge, displacement, force, plus, minus;
+  const std::vector<double>& at(recordings::Channel channel) const;
+};
+// Empty where the model could not be simulated. Throws Error(cancelled).
+std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,
+                                               const Fidelity& fidelity);
+
+// Times a difference in SI: percent of the range, over the root of the number of rows.
+double residual_scale(const MeasuredColumn& column);
+
+}  // namespace ferrobench::model

@@ -1,0 +1,44 @@
+#include "model/inference/solver/covariance.h"
+
+#include <algorithm>
+
+namespace ferrobench::model {
+namespace {
+
+// 1 + 2 times the sum of the autocorrelation up to its first zero.
+double correlated_rows(const Eigen::Ref<const Eigen::VectorXd>& r) {
+  const auto n = r.size();
+  const double variance = r.squaredNorm();
+  double sum = 1;
+  for (Eigen::Index lag = 1; lag < n / 2 && variance > 0; ++lag) {
+    const double rho = r.head(n - lag).dot(r.tail(n - lag)) / variance;
+    if (rho <= 0) break;
+    sum += 2 * rho;
+  }
+  return sum;
+}
+
+}  // namespace
+
+Eigen::MatrixXd covariance(const std::vector<ResidualPart>& parts, const Eigen::VectorXd& residuals,
+                           const Eigen::MatrixXd& slopes) {
+  constexpr double uniform = 12;  // 1 / variance of a uniform distribution over [0, 1]
+  const auto n = slopes.cols();
+  const Eigen::MatrixXd prior = uniform * Eigen::MatrixXd::Identity(n, n);
+  Eigen::MatrixXd information = prior, spread = prior;
+  for (const auto& part : parts) {
+    const auto first = static_cast<Eigen::Index>(part.first), count = static_cast<Eigen::Index>(part.count);
+    if (count == 0) continue;
+    const auto j = slopes.middleRows(first, count);
+    const auto r = residuals.segment(first, count);
+    const double left = r.squaredNorm() / static_cast<double>(count);
+    const double variance = std::max(left, part.in_standard_deviations ? 1 : 1e-300);
+    const Eigen::MatrixXd square = j.transpose() * j / variance;
+    information += square;
+    spread += (part.in_standard_deviations ? 1 : correlated_rows(r)) * square;
+  }
+  const Eigen::MatrixXd inverse = information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  return inverse * spread * inverse;
+}
+
+}  // namespace ferrobench::model

@@ -1,0 +1,27 @@
+// How sure a fit's parameters are, and which errors go together.
+//
+// With J_p the slopes of a part's residuals, s_p^2 their variance and t_p the number of rows over which they
+// stay correlated. Of a recording, s_p^2 is the residuals' mean square and t_p their integrated
+// autocorrelation; of residuals counted in standard deviations, the cells of a table, s_p^2 is 1, or their
+// mean square if that is larger, and t_p 1.
+//
+//   A = sum over parts of J_p^T J_p / s_p^2 + 12 I
+//   C = A^-1 (sum over parts of t_p J_p^T J_p / s_p^2 + 12 I) A^-1
+//
+// the covariance of a model that is not exactly true (P. J. Huber 1967, H. White 1982). The term 12 I is the
+// information in a uniform distribution over the unit interval: what the data do not determine stays within
+// its range.
+#pragma once
+
+#include <Eigen/Dense>
+#include <vector>
+
+#include "model/inference/residuals/residual_model.h"
+
+namespace ferrobench::model {
+
+// Of the unit coordinates, by the residuals and their slopes at the minimum.
+Eigen::MatrixXd covariance(const std::vector<ResidualPart>& parts, const Eigen::VectorXd& residuals,
+                           const Eigen::MatrixXd& slopes);
+
+}  // namespace ferrobench::model
