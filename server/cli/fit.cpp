@@ -19,7 +19,7 @@ namespace {
 struct FitOptions {
   server::FitRequest request;
   std::vector<std::string> recordings, set;
-  std::string model, out;
+  std::string model, out, report;
 };
 
 // Pairs of parameters whose errors go together so closely that the data hardly tell them apart.
@@ -93,7 +93,11 @@ json fit_here(const FitOptions& o, const Common& common) {
 int fit(FitOptions o, const Common& common) {
   std::vector<std::string> sources{o.model};
   for (const auto& given : o.recordings) sources.push_back(recording_argument(given, common));
-  const TextOutput out(o.out, sources);
+  const TextOutput out(o.out, sources), report(o.report, sources);
+  if (!o.report.empty() && o.request.calibrate)
+    throw Error(ErrorCode::invalid_params, "a calibration fits nothing, so there is no page about it",
+                Problem{.path = "/report", .message = "does not go with --calibrate"});
+  o.request.report = !o.report.empty();
   o.request.set = set_argument(o.set);
   const auto names = names_in_store(o.recordings, common);
   auto daemon = names ? running_daemon(common) : std::nullopt;
@@ -109,6 +113,7 @@ int fit(FitOptions o, const Common& common) {
   }
   print_result(result);
   out.write(result.at("model").dump(2) + "\n");
+  if (result.contains("html")) report.write(result.at("html").get<std::string>());
   return result.value("stopped", false) ? exit_interrupted : exit_ok;
 }
 
@@ -144,6 +149,8 @@ void add_fit(CLI::App& app, Common& common) {
       ->check(number_from(0))
       ->capture_default_str();
   sub->add_option("--out", o->out, "file of the fitted model")->type_name("OUT.json")->required();
+  sub->add_option("--report", o->report, "file of a page with pictures, intervals and correlations")
+      ->type_name("PAGE.html");
   sub->footer(
       "Ctrl-C ends with the best so far. While a daemon runs, recordings of the data folder and tables are "
       "its\n"
@@ -151,7 +158,7 @@ void add_fit(CLI::App& app, Common& common) {
       "command.\n"
       "Examples:\n"
       "  ferrobench fit --table 3.11 --table 3.12 --model soft-pzt --out nec.json\n"
-      "  ferrobench fit creep.h5 loops.h5 --model nec-ae0505d08 --free material.barrier --out mine.json\n"
+      "  ferrobench fit creep.h5 loops.h5 --model nec-ae0505d08 --out mine.json --report fit.html\n"
       "  ferrobench fit --calibrate slow-loop.h5 --model nec-ae0505d08 --out parametrized.json");
   sub->callback([o, &common] { common.action = [o, &common] { return fit(*o, common); }; });
 }

@@ -1,6 +1,7 @@
 #include "server/engine/fitting.h"
 
 #include "model/fit/calibrate.h"
+#include "model/inference/report/fit_page.h"
 
 namespace ferrobench::server {
 
@@ -8,10 +9,11 @@ using nlohmann::json;
 
 namespace {
 
-json summary_of(const model::ResidualModel& residuals, const model::Model& model,
-                const model::SimulationOptions& options) {
+using Summary = std::vector<std::pair<std::string, double>>;
+
+json to_json(const Summary& summary) {
   json out = json::object();
-  for (const auto& [name, value] : residuals.summary(model, {.simulation = options})) out[name] = value;
+  for (const auto& [name, value] : summary) out[name] = value;
   return out;
 }
 
@@ -66,8 +68,9 @@ json fit_model(const FitRequest& request, const model::Model& start,
   const auto result = model::fit(start, *residuals, options);
   // What was stopped is not simulated again to say how well it did.
   const auto summary = [&](const model::Model& m) {
-    return result.stopped ? json::object() : summary_of(*residuals, m, options.simulation);
+    return result.stopped ? Summary{} : residuals->summary(m, {.simulation = options.simulation});
   };
+  const auto before = summary(start), after = summary(result.model);
   json parameters = json::array();
   for (const auto& p : result.parameters) {
     parameters.push_back({{"path", p.free.path},
@@ -82,14 +85,15 @@ json fit_model(const FitRequest& request, const model::Model& start,
   }
   json out = {{"model", model::to_json(result.model)},
               {"parameters", std::move(parameters)},
-              {"before", summary(start)},
-              {"after", summary(result.model)},
+              {"before", to_json(before)},
+              {"after", to_json(after)},
               {"cost_before", result.cost_before},
               {"cost_after", result.cost_after},
               {"simulations", result.simulations},
               {"stopped", result.stopped},
               {"unused", residuals->unused()}};
   if (!result.stopped) out["correlations"] = result.correlations;
+  if (request.report) out["html"] = model::html_report({result, options, *residuals, start, before, after});
   return out;
 }
 

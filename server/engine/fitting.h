@@ -16,6 +16,7 @@ struct FitRequest {
   nlohmann::json set = nlohmann::json::object();
   std::int64_t starts = 4, iterations = 30, seed = 1;
   bool calibrate = false;
+  bool report = false;
 };
 template <class Visitor>
 void describe(Visitor& visit, FitRequest& r) {
@@ -32,15 +33,16 @@ void describe(Visitor& visit, FitRequest& r) {
   visit("calibrate", r.calibrate,
         {.doc = "take the critical force of the parametrized polycrystal from one slow loop, or from two at "
                 "different prestress; nothing is fitted"});
+  visit("report", r.report, {.doc = "a page with pictures, as \"html\" of the result"});
 }
 
 // {model, parameters: [{path, from, to, std, interval, determined, low, high, at_bound}], correlations,
 // before, after: {name: rms}, cost_before, cost_after, simulations, stopped, unused: [sentence]}: `low` and
 // `high` are the range, `interval` is that of 95 %, `correlations` a row for each parameter. What was stopped
-// has no uncertainty: `std` is 0; `interval`, `determined` and `correlations` are absent. A calibration gives
-// {model} alone. `progress` returns false, between simulations, and `stop` true, in their middle, to end with
-// the best so far: then there is no before and after. Throws Error(invalid_params) if there is nothing to fit
-// to, or both.
+// has no uncertainty: `std` is 0; `interval`, `determined` and `correlations` are absent. With
+// `report` there is a page too, as `html`. A calibration gives {model} alone. `progress` returns false,
+// between simulations, and `stop` true, in their middle, to end with the best so far: then there is no before
+// and after. Throws Error(invalid_params) if there is nothing to fit to, or both.
 nlohmann::json fit_model(const FitRequest& request, const model::Model& start,
                          std::vector<recordings::Recording> recordings,
                          const std::function<bool(const model::FitProgress&)>& progress,

@@ -180,6 +180,20 @@ std::vector<std::string> parameter_paths(const Model& model) {
   return out;
 }
 
+std::string parameter_unit(std::string_view path) {
+  const auto dot = path.rfind('.');
+  const auto owner = path.substr(0, dot), name = path.substr(dot + 1);
+  if (owner.starts_with("effects.")) {
+    for (const auto& p : find_effect(owner.substr(8)).parameters)
+      if (p.name == name) return std::string(p.unit);
+    return "";
+  }
+  const auto schema = model_schema();
+  const auto found = nlohmann::json::json_pointer("/properties/" + std::string(owner) + "/properties/" +
+                                                  std::string(name) + "/x-unit");
+  return schema.contains(found) ? schema.at(found).get<std::string>() : "";
+}
+
 FreeParameter free_parameter(const Model& model, std::string_view path) {
   if (const auto* n = number_of(path)) return {std::string(path), n->low, n->high, n->logarithmic};
   if (path.starts_with("effects.")) {

@@ -20,6 +20,9 @@ void set_parameter(Model& model, std::string_view path, double value);
 // Every number of the model, in the file's order.
 std::vector<std::string> parameter_paths(const Model& model);
 
+// As the model file gives it: "J/m^3", "1".
+std::string parameter_unit(std::string_view path);
+
 // A parameter that a fit may move, within [low, high]; on a logarithmic scale if `logarithmic` (then low > 0,
 // or both < 0).
 struct FreeParameter {

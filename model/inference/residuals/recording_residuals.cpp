@@ -11,6 +11,16 @@
 namespace ferrobench::model {
 namespace {
 
+double mean_of(const std::vector<double>& values, const std::vector<std::size_t>& rows) {
+  double sum = 0;
+  for (const auto row : rows) sum += values[row];
+  return sum / static_cast<double>(rows.size());
+}
+
+[[noreturn]] void throw_unsolvable() {
+  throw Error(ErrorCode::numerical, "the model cannot be simulated under these recordings");
+}
+
 class RecordingResiduals final : public ResidualModel {
  public:
   explicit RecordingResiduals(std::vector<recordings::Recording> given) {
@@ -32,6 +42,28 @@ class RecordingResiduals final : public ResidualModel {
                 std::move(problems));
   }
 
+  std::vector<ComparedCurve> curves(const Model& model, const Fidelity& fidelity) const override {
+    std::vector<ComparedCurve> out;
+    for (const auto& d : data_) {
+      const auto simulated = simulate_recorded(model_for(model, d.header), d, fidelity);
+      if (!simulated) throw_unsolvable();
+      for (const auto& column : d.columns) {
+        auto& curve = out.emplace_back();
+        curve.recording = d.header.title;
+        curve.channel = column.channel;
+        curve.measured = column.value;
+        const auto& answer = simulated->at(column.channel);
+        const double mean = mean_of(answer, column.rows);
+        for (const auto row : column.rows) {
+          curve.time.push_back(d.time[row]);
+          curve.field.push_back(simulated->field[row]);
+          curve.simulated.push_back(answer[row] - mean);
+        }
+      }
+    }
+    return out;
+  }
+
   std::vector<std::string> unused() const override { return unused_; }
   std::span<const RecordingData> recordings() const override { return data_; }
 
@@ -42,9 +74,7 @@ class RecordingResiduals final : public ResidualModel {
       if (!simulated) return Solved::no;
       for (const auto& column : d.columns) {
         const auto& answer = simulated->at(column.channel);
-        double mean = 0;
-        for (const auto row : column.rows) mean += answer[row];
-        mean /= static_cast<double>(column.rows.size());
+        const double mean = mean_of(answer, column.rows);
         const double scale = residual_scale(column);
         for (std::size_t k = 0; k < column.rows.size(); ++k)
           out[next++] = scale * (answer[column.rows[k]] - mean - column.value[k]);
@@ -56,8 +86,7 @@ class RecordingResiduals final : public ResidualModel {
   std::vector<std::pair<std::string, double>> summary(const Model& model,
                                                       const Fidelity& fidelity) const override {
     std::vector<double> all(size_);
-    if (evaluate(model, fidelity, all) == Solved::no)
-      throw Error(ErrorCode::numerical, "the model cannot be simulated under these recordings");
+    if (evaluate(model, fidelity, all) == Solved::no) throw_unsolvable();
     std::vector<std::pair<std::string, double>> out;
     for (const auto& part : parts_) {
       const auto rows = std::span<const double>(all).subspan(part.first, part.count);

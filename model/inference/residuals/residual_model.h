@@ -42,6 +42,13 @@ struct ResidualPart {
 
 double sum_of_squares(std::span<const double> r);
 
+// A measured quantity beside what a model gives for it, whose offset is eliminated. SI; all equally long.
+struct ComparedCurve {
+  std::string recording;
+  recordings::Channel channel = recordings::Channel::displacement;
+  std::vector<double> time, field, measured, simulated;
+};
+
 // A problem in which some parameters enter linearly, once the kinetics are known (residuals/separable.h).
 class Separable;
 
@@ -57,6 +64,9 @@ class ResidualModel {
   // cell's ratio.
   virtual std::vector<std::pair<std::string, double>> summary(const Model& model,
                                                               const Fidelity& fidelity) const = 0;
+  // For pictures, of recordings: every part with its rows. Throws Error(numerical) if the model cannot be
+  // simulated.
+  virtual std::vector<ComparedCurve> curves(const Model&, const Fidelity&) const { return {}; }
   // What was given and says nothing, a sentence each: "loops, force never changes".
   virtual std::vector<std::string> unused() const { return {}; }
   // The recordings behind it, if it is of recordings: where a search looks for a start.
