@@ -361,12 +361,20 @@ TEST_F(Cli, FitFindsAParameterAgain) {
   arguments.insert(arguments.end(), common.begin(), common.end());
   ASSERT_EQ(run(arguments).code, exit_ok);
   const auto said = run({"fit", file("truth.h5"), "--model", "soft-pzt", "--free", "material.barrier",
-                         "--starts", "1", "--out", file("fitted.json")});
+                         "--starts", "1", "--out", file("fitted.json"), "--report", file("fit.html")});
   ASSERT_EQ(said.code, exit_ok) << said.err;
+  std::ifstream page(file("fit.html"));
+  const std::string html{std::istreambuf_iterator<char>(page), {}};
+  for (const auto* part : {"material.barrier", "J/m^3", "displacement: measured less model", "<svg"})
+    EXPECT_NE(html.find(part), std::string::npos) << part;
   EXPECT_NE(said.out.find("material.barrier"), std::string::npos);
   const auto fitted = nlohmann::json::parse(std::ifstream(file("fitted.json")));
   EXPECT_NEAR(fitted["material"]["barrier"].get<double>(), 4.6e4, 0.01 * 4.6e4);
   EXPECT_EQ(run({"fit", "--model", "soft-pzt", "--out", file("f.json")}).code, exit_error);
+  EXPECT_EQ(run({"fit", file("truth.h5"), "--calibrate", "--model", "soft-pzt", "--out", file("f.json"),
+                 "--report", file("calibration.html")})
+                .code,
+            exit_error);
 }
 
 TEST_F(Cli, ReplayRerunCompare) {
