@@ -83,8 +83,6 @@ struct OutputRange {
   double max = 0;
 };
 
-class Tape;
-
 class Device {
  public:
   virtual ~Device() = default;
@@ -95,8 +93,6 @@ class Device {
   virtual std::vector<recordings::RawColumn> columns() const = 0;
   // Channels whose values come in SI only.
   virtual std::vector<recordings::Channel> signals() const { return {}; }
-  // The recording that the device plays (replay/tape.h); null for one that measures.
-  virtual const Tape* tape() const { return nullptr; }
   // Known noise per channel in SI (standard deviation), where there is any.
   virtual std::array<std::optional<double>, 5> noise() const { return {}; }
   // The model behind the device, or null.

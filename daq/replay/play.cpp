@@ -17,24 +17,24 @@ void append(std::vector<T>& to, std::span<const T> from) {
 }  // namespace
 
 Replay play(ReplayDevice& device, const Limits& bench, const std::function<bool(double)>& go_on) {
-  const auto& tape = *device.tape();
-  Guard guard(device, tape.limits(bench));
-  Scaling scaling(device.columns(), tape.signals(), tape.rate());
+  const auto& source = device.source();
+  Guard guard(device, source.limits(bench));
+  Scaling scaling(device.columns(), source.signals(), source.rate());
   Replay out;
   auto& r = out.recording;
-  r.header = tape.header();
+  r.header = source.header();
   r.header.device = device.info();
   r.header.start_time = recordings::iso_now();
   r.noise = device.noise();
-  r.time.reserve(tape.size());
-  for (const auto channel : scaling.channels()) r.set(channel).reserve(tape.size());
+  r.time.reserve(source.size());
+  for (const auto channel : scaling.channels()) r.set(channel).reserve(source.size());
   if (!scaling.columns().empty()) {
     auto& raw = r.raw.emplace();
     raw.columns = {scaling.columns().begin(), scaling.columns().end()};
-    raw.counts.reserve(tape.size() * raw.columns.size());
+    raw.counts.reserve(source.size() * raw.columns.size());
   }
 
-  auto program = tape.program();
+  auto program = source.program();
   guard.go_to(program.value(0), guard.limits().stop_slew);
   guard.start(std::move(program));
   for (SampleBlock block; guard.read(block);) {
@@ -48,11 +48,11 @@ Replay play(ReplayDevice& device, const Limits& bench, const std::function<bool(
       if (r.raw) append(r.raw->counts, rows.counts);
     }
     r.events.insert(r.events.end(), block.events.begin(), block.events.end());
-    if (go_on && !go_on(static_cast<double>(r.size()) / static_cast<double>(tape.size())))
+    if (go_on && !go_on(static_cast<double>(r.size()) / static_cast<double>(source.size())))
       guard.stop("stopped by the operator");
   }
   out.outcome = guard.outcome();
-  auto closing = tape.closing(guard);
+  auto closing = source.closing(guard);
   r.status = std::move(closing.status);
   r.reason = std::move(closing.reason);
   r.segments = std::move(closing.segments);

@@ -13,8 +13,8 @@ struct Replay {
   Outcome outcome;
 };
 
-// `bench` are the limits of the bench (Tape::limits). `go_on` is told the share that has been played, and
-// false stops it safely. Throws what Guard::start throws; the outcome says what happened after.
+// `bench` are the limits of the bench (ReplaySource::limits). `go_on` is told the share that has been played,
+// and false stops it safely. Throws what Guard::start throws; the outcome says what happened after.
 Replay play(ReplayDevice& device, const Limits& bench, const std::function<bool(double)>& go_on = {});
 
 }  // namespace ferrobench::daq

@@ -34,10 +34,10 @@ std::optional<BlockStatus> status_of(const recordings::Event& event) {
 }  // namespace
 
 ReplayDevice::ReplayDevice(recordings::Recording recording, const ReplayConfig& config)
-    : config_(config), tape_(std::move(recording), config) {
-  const auto& time = tape_.recording().time;
+    : config_(config), source_(std::move(recording), config) {
+  const auto& time = source_.recording().time;
   std::uint64_t row = 0;
-  for (const auto& event : tape_.recording().events) {
+  for (const auto& event : source_.recording().events) {
     const auto after = std::upper_bound(time.begin(), time.end(), event.time);
     const auto own = after == time.begin() ? 0 : static_cast<std::uint64_t>(after - time.begin()) - 1;
     event_rows_.push_back(row = std::max(row, own));
@@ -50,7 +50,7 @@ std::unique_ptr<Device> ReplayDevice::open(const nlohmann::json& json) {
 }
 
 nlohmann::json ReplayDevice::info() const {
-  const auto& header = tape_.recording().header;
+  const auto& header = source_.recording().header;
   nlohmann::json out{{"driver", "replay"},
                      {"serial_number", header.entry_identifier},
                      {"source", std::filesystem::path(config_.file).stem().string()},
@@ -59,8 +59,8 @@ nlohmann::json ReplayDevice::info() const {
                      {"played", write_json(columns().empty() ? Played::signals : Played::counts)},
                      {"clock", write_json(config_.clock)},
                      {"speed", config_.speed},
-                     {"scan_rate", tape_.rate()},
-                     {"equally_spaced", tape_.on_grid()}};
+                     {"scan_rate", source_.rate()},
+                     {"equally_spaced", source_.on_grid()}};
   if (config_.from) out["from"] = *config_.from;
   if (config_.to) out["to"] = *config_.to;
   const auto changes = recalibrations(config_);
@@ -71,49 +71,49 @@ nlohmann::json ReplayDevice::info() const {
 }
 
 std::vector<recordings::RawColumn> ReplayDevice::columns() const {
-  return {tape_.columns().begin(), tape_.columns().end()};
+  return {source_.columns().begin(), source_.columns().end()};
 }
 
 std::vector<Channel> ReplayDevice::signals() const {
-  return {tape_.signals().begin(), tape_.signals().end()};
+  return {source_.signals().begin(), source_.signals().end()};
 }
 
 double ReplayDevice::scan_rate(double asked) const {
-  if (std::abs(asked - tape_.rate()) <= 1e-9 * tape_.rate()) return tape_.rate();
+  if (std::abs(asked - source_.rate()) <= 1e-9 * source_.rate()) return source_.rate();
   throw Error(ErrorCode::invalid_params, "a replay has the rows that were recorded",
               Problem{.path = "/sample_rate",
                       .message = "is not the recorded one",
                       .given = asked,
-                      .allowed = tape_.rate(),
+                      .allowed = source_.rate(),
                       .unit = "Hz",
                       .hint = "leave it out; `speed` says how fast it is played"});
 }
 
 // Nothing moves: the output is one of long ago.
 void ReplayDevice::go_to(double level, double) {
-  source_ = nullptr;
+  levels_ = nullptr;
   level_ = level;
 }
 
-void ReplayDevice::start(double rate, LevelSource& source) {
+void ReplayDevice::start(double rate, LevelSource& levels) {
   scan_rate(rate);
-  source_ = &source;
+  levels_ = &levels;
   row_ = event_ = stretch_ = 0;
   dry_ = false;
   last_status_ = BlockStatus::ok;
   start_ = std::chrono::steady_clock::now();
   pulled_ = 1;
-  left_ = std::abs(level_ - tape_.command().front()) <= 1e-9 * std::abs(level_) ? never : 0;
+  left_ = std::abs(level_ - source_.command().front()) <= 1e-9 * std::abs(level_) ? never : 0;
 }
 
 void ReplayDevice::pull() {
   const bool fast = config_.clock == Clock::fast;
-  const double rows = fast ? chunk_rows : std::floor(tape_.rate() * config_.speed * chunk_time);
-  const auto& command = tape_.command();
+  const double rows = fast ? chunk_rows : std::floor(source_.rate() * config_.speed * chunk_time);
+  const auto& command = source_.command();
   const auto until = row_ + static_cast<std::uint64_t>(std::clamp(rows, 1.0, chunk_rows));
   if (!dry_ && pulled_ < until) {
     std::vector<double> levels(until - pulled_);
-    levels.resize(source_->next_levels(levels));
+    levels.resize(levels_->next_levels(levels));
     dry_ = pulled_ + levels.size() < until;
     for (const double level : levels) {
       if (left_ == never && (pulled_ >= command.size() || level != command[pulled_])) left_ = pulled_;
@@ -123,15 +123,15 @@ void ReplayDevice::pull() {
   }
   due_ = start_;
   if (!fast && pulled_ > row_)
-    due_ += nanoseconds(static_cast<double>(pulled_ - 1) / tape_.rate() / config_.speed);
+    due_ += nanoseconds(static_cast<double>(pulled_ - 1) / source_.rate() / config_.speed);
 }
 
 bool ReplayDevice::read(SampleBlock& block) {
   block.clear();
-  if (source_ == nullptr) return false;
+  if (levels_ == nullptr) return false;
   if (row_ == 0 || row_ == pulled_) pull();
   if (row_ == pulled_) {
-    source_ = nullptr;
+    levels_ = nullptr;
     return false;
   }
   const auto now = std::chrono::steady_clock::now();
@@ -146,12 +146,12 @@ bool ReplayDevice::read(SampleBlock& block) {
 }
 
 void ReplayDevice::answer(SampleBlock& block) {
-  const auto stretches = tape_.stretches();
+  const auto stretches = source_.stretches();
   while (stretch_ + 1 < stretches.size() && stretches[stretch_ + 1].first <= row_) ++stretch_;
   auto known = stretches[stretch_].known;
   auto end = pulled_;
   if (row_ >= left_) {
-    known = Tape::Known::only_the_command;
+    known = ReplaySource::Known::only_the_command;
     block.status = BlockStatus::short_data;
     block.message = "the recording has no answer to a level that it does not hold";
   } else {
@@ -162,7 +162,7 @@ void ReplayDevice::answer(SampleBlock& block) {
   block.first_sample = row_;
   block.rows = end - row_;
   copy(block);
-  if (known != Tape::Known::all) forget(block, known);
+  if (known != ReplaySource::Known::all) forget(block, known);
   row_ = end;
   last_status_ = block.status;
 }
@@ -170,15 +170,15 @@ void ReplayDevice::answer(SampleBlock& block) {
 // The events of the block's first row, in their order; the block ends before the next one's. A status has a
 // block of one row to itself, and its event comes from the guard.
 std::uint64_t ReplayDevice::add_events(SampleBlock& block, std::uint64_t end) {
-  const auto& events = tape_.recording().events;
+  const auto& events = source_.recording().events;
   for (; event_ < events.size(); ++event_) {
     const auto at = event_rows_[event_];
     if (at > row_) return std::min(end, at);
     const auto& event = events[event_];
     const auto status = status_of(event);
-    const bool told_later = event_ + 1 == events.size() || row_ + 1 < tape_.size();
-    if (status && told_later && *status != last_status_ && tape_.on_grid() &&
-        event.time == tape_.time(row_)) {
+    const bool told_later = event_ + 1 == events.size() || row_ + 1 < source_.size();
+    if (status && told_later && *status != last_status_ && source_.on_grid() &&
+        event.time == source_.time(row_)) {
       block.status = *status;
       block.message = event.message;
       ++event_;
@@ -190,18 +190,19 @@ std::uint64_t ReplayDevice::add_events(SampleBlock& block, std::uint64_t end) {
 }
 
 void ReplayDevice::copy(SampleBlock& block) const {
-  const auto& recording = tape_.recording();
-  const auto known_rows = row_ < tape_.size() ? std::min<std::uint64_t>(block.rows, tape_.size() - row_) : 0;
+  const auto& recording = source_.recording();
+  const auto known_rows =
+      row_ < source_.size() ? std::min<std::uint64_t>(block.rows, source_.size() - row_) : 0;
   const auto first = static_cast<std::ptrdiff_t>(row_);
   const auto rows = static_cast<std::ptrdiff_t>(known_rows);
-  if (const auto width = tape_.columns().size(); width > 0) {
+  if (const auto width = source_.columns().size(); width > 0) {
     const auto from = recording.raw->counts.begin() + first * static_cast<std::ptrdiff_t>(width) * (rows > 0);
     block.counts.assign(from, from + rows * static_cast<std::ptrdiff_t>(width));
     block.counts.resize(block.rows * width, std::numeric_limits<std::int16_t>::min());
   }
-  if (!tape_.on_grid())
-    for (std::uint64_t row = row_; row < row_ + block.rows; ++row) block.time.push_back(tape_.time(row));
-  for (const auto channel : tape_.signals()) {
+  if (!source_.on_grid())
+    for (std::uint64_t row = row_; row < row_ + block.rows; ++row) block.time.push_back(source_.time(row));
+  for (const auto channel : source_.signals()) {
     auto& to = block.signals[static_cast<std::size_t>(channel)];
     const auto& from = recording.at(channel);
     if (rows > 0) to.assign(from.begin() + first, from.begin() + first + rows);
@@ -210,15 +211,20 @@ void ReplayDevice::copy(SampleBlock& block) const {
 }
 
 // Whatever is not known is NaN, whichever way it would have come.
-void ReplayDevice::forget(SampleBlock& block, Tape::Known known) const {
+void ReplayDevice::forget(SampleBlock& block, ReplaySource::Known known) const {
   const auto drop = [&block](Channel channel) {
     block.signals[static_cast<std::size_t>(channel)].assign(block.rows,
                                                             std::numeric_limits<double>::quiet_NaN());
   };
-  if (known != Tape::Known::only_the_command) drop(Channel::command);
-  if (known == Tape::Known::not_the_command) return;
-  for (const auto channel : tape_.signals()) drop(channel);
-  for (const auto& column : tape_.columns()) drop(column.channel);
+  if (known != ReplaySource::Known::only_the_command) drop(Channel::command);
+  if (known == ReplaySource::Known::not_the_command) return;
+  for (const auto channel : source_.signals()) drop(channel);
+  for (const auto& column : source_.columns()) drop(column.channel);
+}
+
+const ReplaySource* replay_source(const Device& device) {
+  const auto* replay = dynamic_cast<const ReplayDevice*>(&device);
+  return replay != nullptr ? &replay->source() : nullptr;
 }
 
 }  // namespace ferrobench::daq

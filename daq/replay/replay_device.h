@@ -7,7 +7,7 @@
 
 #include <chrono>
 
-#include "daq/replay/tape.h"
+#include "daq/replay/replay_source.h"
 
 namespace ferrobench::daq {
 
@@ -18,40 +18,43 @@ class ReplayDevice final : public Device {
   // `json`: a ReplayConfig. Throws Error(invalid_params | not_found | bad_recording).
   static std::unique_ptr<Device> open(const nlohmann::json& json);
 
+  const ReplaySource& source() const { return source_; }
   nlohmann::json info() const override;
   std::vector<recordings::RawColumn> columns() const override;
   std::vector<recordings::Channel> signals() const override;
-  const Tape* tape() const override { return &tape_; }
-  std::array<std::optional<double>, 5> noise() const override { return tape_.recording().noise; }
-  nlohmann::json model() const override { return tape_.recording().header.model; }
+  std::array<std::optional<double>, 5> noise() const override { return source_.recording().noise; }
+  nlohmann::json model() const override { return source_.recording().header.model; }
   OutputRange output_range() const override { return {-1e9, 1e9}; }
   double scan_rate(double asked) const override;
   double output() const override { return level_; }
   void go_to(double level, double slew) override;
-  void start(double rate, LevelSource& source) override;
+  void start(double rate, LevelSource& levels) override;
   bool read(SampleBlock& block) override;
 
  private:
   void pull();
   void answer(SampleBlock& block);
   std::uint64_t add_events(SampleBlock& block, std::uint64_t end);
-  void forget(SampleBlock& block, Tape::Known known) const;
+  void forget(SampleBlock& block, ReplaySource::Known known) const;
   void copy(SampleBlock& block) const;
 
   ReplayConfig config_;
-  Tape tape_;
+  ReplaySource source_;
   nlohmann::json origin_;
   std::vector<std::uint64_t> event_rows_;  // where each event is told, rising
   double level_ = 0;
 
-  LevelSource* source_ = nullptr;
+  LevelSource* levels_ = nullptr;
   std::uint64_t row_ = 0;     // the next one to give
   std::uint64_t pulled_ = 0;  // rows whose level has gone out
   std::uint64_t left_ = 0;    // first row off the recorded command
-  bool dry_ = false;          // the source is over
+  bool dry_ = false;          // the levels are over
   std::size_t event_ = 0, stretch_ = 0;
   BlockStatus last_status_ = BlockStatus::ok;
   std::chrono::steady_clock::time_point start_, due_;
 };
+
+// What the device plays, if it is a replay; null for one that measures.
+const ReplaySource* replay_source(const Device& device);
 
 }  // namespace ferrobench::daq

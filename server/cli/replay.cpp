@@ -88,9 +88,9 @@ int replay_to_file(const ReplayOptions& o, const std::string& path, recordings::
     return exit_ok;
   }
   const auto config = daq::replay_config_from_json(server::make_replay_plan(request, path).device_config);
-  const daq::Tape tape(recordings::read_recording(path), config);
+  const daq::ReplaySource source(recordings::read_recording(path), config);
   const auto replayed = recordings::read_recording(out);
-  if (const auto found = server::first_difference(tape.recording(), replayed)) {
+  if (const auto found = server::first_difference(source.recording(), replayed)) {
     std::cout << "differs (recorded and replayed) in " << *found << '\n';
     return exit_error;
   }

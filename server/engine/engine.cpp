@@ -4,7 +4,7 @@
 #include <boost/uuid/uuid_io.hpp>
 
 #include "daq/not_at_zero.h"
-#include "daq/replay/tape.h"
+#include "daq/replay/replay_device.h"
 #include "recordings/format/iso_time.h"
 #include "server/engine/live.h"
 
@@ -155,21 +155,22 @@ RunSetup Engine::make_setup(const RunRequest& request, RunSetup setup,
   const auto name = replayed(request.device);
   if (open) {
     setup.device = std::move(open);
-    const auto* tape = setup.device->tape();
-    setup.plan =
-        tape != nullptr ? make_replay_plan(request, *tape) : make_plan(request, store_, setup.device.get());
+    setup.replay = daq::replay_source(*setup.device);
+    setup.plan = setup.replay != nullptr ? make_replay_plan(request, *setup.replay)
+                                         : make_plan(request, store_, setup.device.get());
   } else if (name || request.device == "replay") {
     const auto file =
         request.replay_file.empty() ? store_.recording(name.value_or("")).string() : request.replay_file;
     setup.plan = make_replay_plan(request, file);
     setup.device = opener_("replay", setup.plan.device_config);
-    complete_replay_plan(setup.plan, *setup.device->tape());
+    setup.replay = daq::replay_source(*setup.device);
+    complete_replay_plan(setup.plan, *setup.replay);
   } else {
     setup.plan = make_plan(request, store_);
     setup.device = opened(request.device, setup.plan.device_config);
   }
   // A replay can wait for the disk, whatever its clock.
-  setup.real_time = setup.device->tape() == nullptr && setup.device->info().value("clock", "real") != "fast";
+  setup.real_time = setup.replay == nullptr && setup.device->info().value("clock", "real") != "fast";
   return setup;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "daq/replay/tape.h"
 #include "model/model.h"
 #include "protocols/common/units.h"
 
@@ -171,7 +170,7 @@ RunPlan make_replay_plan(const RunRequest& request, const std::string& file) {
   return plan;
 }
 
-RunPlan make_replay_plan(const RunRequest& request, const daq::Tape& tape) {
+RunPlan make_replay_plan(const RunRequest& request, const daq::ReplaySource& source) {
   demand_own_program(request);
   if (request.fast || !request.set.empty())
     throw Error(ErrorCode::invalid_params, "the device is open already and keeps its clock and calibration",
@@ -179,18 +178,18 @@ RunPlan make_replay_plan(const RunRequest& request, const daq::Tape& tape) {
                         .message = "cannot be chosen for an open device",
                         .hint = "name the recording instead: \"replay:NAME\""});
   RunPlan plan;
-  complete_replay_plan(plan, tape);
+  complete_replay_plan(plan, source);
   return plan;
 }
 
-void complete_replay_plan(RunPlan& plan, const daq::Tape& tape) {
-  const auto& header = tape.recording().header;
+void complete_replay_plan(RunPlan& plan, const daq::ReplaySource& source) {
+  const auto& header = source.recording().header;
   const auto& protocol = header.protocol;
   plan.name = protocol.is_object() && protocol.contains("name") && protocol["name"].is_string()
                   ? protocol["name"].get<std::string>()
                   : "replay";
   plan.title = header.title;
-  plan.sample_rate = tape.rate();
+  plan.sample_rate = source.rate();
 }
 
 RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Device* open) {

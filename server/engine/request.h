@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "daq/device.h"
+#include "daq/replay/replay_source.h"
 #include "protocols/common/fields.h"
 #include "protocols/protocol.h"
 #include "recordings/disk/new_file.h"
@@ -70,9 +71,9 @@ std::optional<std::string> replayed(const std::string& device);
 // configuration by "device.<path>". Throws Error(invalid_params).
 RunPlan make_replay_plan(const RunRequest& request, const std::string& file);
 // What its recording says of it: name, title, sample rate.
-void complete_replay_plan(RunPlan& plan, const daq::Tape& tape);
+void complete_replay_plan(RunPlan& plan, const daq::ReplaySource& source);
 // The plan of a run of a replay that is open.
-RunPlan make_replay_plan(const RunRequest& request, const daq::Tape& tape);
+RunPlan make_replay_plan(const RunRequest& request, const daq::ReplaySource& source);
 
 // A protocol by name or as JSON; a model by name or as JSON (null: the default one), with everything filled
 // in.

@@ -7,7 +7,7 @@
 #include <semaphore>
 
 #include "daq/guard/check.h"
-#include "daq/replay/tape.h"
+#include "daq/replay/replay_source.h"
 #include "model/model.h"
 #include "protocols/common/visible.h"
 #include "recordings/disk/new_file.h"
@@ -40,8 +40,7 @@ recordings::Header measured_header(const RunSetup& setup, const daq::Device& dev
 }
 
 recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
-  const auto* tape = device.tape();
-  auto header = tape != nullptr ? tape->header() : measured_header(setup, device);
+  auto header = setup.replay != nullptr ? setup.replay->header() : measured_header(setup, device);
   header.start_time = recordings::iso_now();
   header.entry_identifier = to_string(boost::uuids::random_generator()());
   header.device = device.info();
@@ -53,13 +52,12 @@ recordings::Header header_of(const RunSetup& setup, const daq::Device& device, d
 }
 
 protocols::SampledWaveform program_of(const RunSetup& setup) {
-  if (const auto* tape = setup.device->tape()) return tape->program();
+  if (setup.replay != nullptr) return setup.replay->program();
   return {setup.plan.protocol.expand(), setup.device->scan_rate(setup.plan.sample_rate)};
 }
 
 daq::Limits limits_of(const RunSetup& setup) {
-  const auto* tape = setup.device->tape();
-  return tape != nullptr ? tape->limits(setup.limits) : setup.limits;
+  return setup.replay != nullptr ? setup.replay->limits(setup.limits) : setup.limits;
 }
 
 }  // namespace
@@ -213,12 +211,11 @@ void Run::write() {
   }
   const auto outcome = guard_->outcome();
   std::string reason = reason_.empty() ? outcome.reason : reason_;
-  daq::Tape::Closing closing{.status = {}, .reason = reason, .segments = guard_->segments()};
+  daq::ReplaySource::Closing closing{.status = {}, .reason = reason, .segments = guard_->segments()};
   const bool complete = outcome.end == daq::End::complete && reason.empty();
   closing.status = complete ? "complete" : "aborted";
   // A replay played whole is a complete run, of a recording that may be anything.
-  if (const auto* tape = setup_.device->tape(); tape != nullptr && reason_.empty())
-    closing = tape->closing(*guard_);
+  if (setup_.replay != nullptr && reason_.empty()) closing = setup_.replay->closing(*guard_);
   if (!sink_->failure().empty()) {
     reason = closing.reason = sink_->failure();
     closing.status = "aborted";

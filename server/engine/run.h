@@ -83,6 +83,7 @@ struct RunSetup {
   std::string id{};
   RunPlan plan{};
   std::shared_ptr<daq::Device> device{};
+  const daq::ReplaySource* replay = nullptr;  // what the device plays; null if it measures
   std::string device_name{};
   daq::Limits limits{};
   daq::Interlock interlock{};

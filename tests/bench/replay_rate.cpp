@@ -88,7 +88,7 @@ Times round(const std::string& path) {
   const double played = bench::cpu_time();
   const auto report = recordings::make_report(replay.recording);
   const double reported = bench::cpu_time();
-  if (replay.outcome.end != daq::End::complete || replay.recording.size() != device.tape()->size() ||
+  if (replay.outcome.end != daq::End::complete || replay.recording.size() != device.source().size() ||
       report.tables.empty())
     throw std::runtime_error("the replay is not whole: " + replay.outcome.reason);
   return {read - begin, opened - read, played - opened, reported - played};

@@ -176,10 +176,10 @@ TEST(Replay, StatusesAndEventsComeWhereTheyHappened) {
               {0.3, "overrun", "late"},      {0.2, "note", "told late"},
               {99, "note", "after the end"}};
   ReplayDevice device(r, fast());
-  const auto& tape = *device.tape();
-  Guard guard(device, tape.limits(Limits{}));
-  guard.go_to(tape.program().value(0), 1e6);
-  guard.start(tape.program());
+  const auto& source = device.source();
+  Guard guard(device, source.limits(Limits{}));
+  guard.go_to(source.program().value(0), 1e6);
+  guard.start(source.program());
   std::vector<std::pair<BlockStatus, std::uint64_t>> statuses;
   for (SampleBlock block; guard.read(block);)
     if (block.status != BlockStatus::ok) statuses.emplace_back(block.status, block.first_sample);
@@ -269,11 +269,11 @@ TEST(Replay, TakesItsTimeOverTheSpeed) {
 TEST(Replay, CannotBePausedNorPlayAnotherProgram) {
   const auto r = measured(loop(1000));
   ReplayDevice device(r, fast());
-  const auto& tape = *device.tape();
+  const auto& source = device.source();
   EXPECT_THROW(device.scan_rate(500), Error);
-  Guard guard(device, tape.limits(Limits{}));
-  guard.go_to(tape.program().value(0), 1e6);
-  guard.start(tape.program());
+  Guard guard(device, source.limits(Limits{}));
+  guard.go_to(source.program().value(0), 1e6);
+  guard.start(source.program());
   EXPECT_THROW(guard.pause(), Error);
   while (true)
     if (SampleBlock block; !guard.read(block)) break;

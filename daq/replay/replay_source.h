@@ -15,11 +15,11 @@
 
 namespace ferrobench::daq {
 
-class Tape {
+class ReplaySource {
  public:
   // Throws Error(invalid_params) for a window without samples, Error(bad_recording) if there is no field to
   // play, or a scaling that cannot be one.
-  Tape(recordings::Recording recording, const ReplayConfig& config);
+  ReplaySource(recordings::Recording recording, const ReplayConfig& config);
 
   // The part that is played, its SI values and noise in the new calibration.
   const recordings::Recording& recording() const { return recording_; }
@@ -44,10 +44,10 @@ class Tape {
   // No voltage leaves a replay: the limits are as wide as what was recorded, and never narrower than `bench`.
   Limits limits(Limits bench) const;
 
-  // The header of a recording of this tape, but for its device.
+  // The header of a recording of this replay, but for its device.
   recordings::Header header() const;
-  // Status, reason and segments of a recording of this tape once a guard has ended: those of the recording if
-  // it was played whole, else cut where it ended.
+  // Status, reason and segments of a recording of this replay once a guard has ended: those of the recording
+  // if it was played whole, else cut where it ended.
   struct Closing {
     std::string status, reason;
     std::vector<recordings::SegmentRow> segments;

@@ -1,4 +1,4 @@
-#include "daq/replay/tape.h"
+#include "daq/replay/replay_source.h"
 
 #include <algorithm>
 #include <cmath>
@@ -44,7 +44,7 @@ double most_count_value(const recordings::RawColumn& c) {
 
 }  // namespace
 
-Tape::Tape(Recording recording, const ReplayConfig& config)
+ReplaySource::ReplaySource(Recording recording, const ReplayConfig& config)
     : recording_(recordings::window(std::move(recording), config.from, config.to)) {
   if (recording_.size() < 2)
     refuse("/entry/data/time", "has fewer than two samples", "there is nothing to play");
@@ -55,7 +55,7 @@ Tape::Tape(Recording recording, const ReplayConfig& config)
   find_stretches();
 }
 
-void Tape::calibrate(const ReplayConfig& config) {
+void ReplaySource::calibrate(const ReplayConfig& config) {
   const auto changes = recalibrations(config);
   if (recording_.raw) columns_ = recording_.raw->columns;
   for (auto& column : columns_) {
@@ -81,21 +81,21 @@ void Tape::calibrate(const ReplayConfig& config) {
   }
 }
 
-void Tape::find_command() {
-  const auto source = recording_.has(Channel::command) ? Channel::command : Channel::field;
-  if (!recording_.has(source))
+void ReplaySource::find_command() {
+  const auto played = recording_.has(Channel::command) ? Channel::command : Channel::field;
+  if (!recording_.has(played))
     refuse("/entry/data", "has neither command nor field", "there is nothing to play");
-  auto levels = bridged(recording_.at(source));
+  auto levels = bridged(recording_.at(played));
   if (std::isnan(levels.front()))
-    refuse(recordings::channel_place(source), "has no known value", "there is nothing to play");
+    refuse(recordings::channel_place(played), "has no known value", "there is nothing to play");
   for (const double level : levels)
     if (!(std::abs(level) <= widest_field))
-      refuse(recordings::channel_place(source), "is past any field that can be played",
+      refuse(recordings::channel_place(played), "is past any field that can be played",
              "at most 1e9 V/m either way");
   command_ = std::make_shared<const std::vector<double>>(std::move(levels));
 }
 
-void Tape::find_grid() {
+void ReplaySource::find_grid() {
   const auto& t = recording_.time;
   const double mean = static_cast<double>(t.size() - 1) / (t.back() - t.front());
   if (!(std::isfinite(mean) && mean > 0)) refuse("/entry/data/time", "cannot be a time", "");
@@ -113,7 +113,7 @@ void Tape::find_grid() {
   rate_ = mean;
 }
 
-void Tape::find_stretches() {
+void ReplaySource::find_stretches() {
   std::vector<const std::vector<double>*> measured;
   for (const auto channel : recordings::all_channels)
     if (channel != Channel::command && recording_.has(channel)) measured.push_back(&recording_.at(channel));
@@ -128,12 +128,12 @@ void Tape::find_stretches() {
   }
 }
 
-double Tape::time(std::uint64_t row) const {
+double ReplaySource::time(std::uint64_t row) const {
   if (row < size()) return recording_.time[row];
   return recording_.time.back() + static_cast<double>(row - size() + 1) / rate_;
 }
 
-protocols::SampledWaveform Tape::program() const {
+protocols::SampledWaveform ReplaySource::program() const {
   const double duration = static_cast<double>(size() - 1) / rate_;
   protocols::Piece piece{.kind = protocols::PieceKind::samples,
                          .duration = duration,
@@ -146,7 +146,7 @@ protocols::SampledWaveform Tape::program() const {
           rate_};
 }
 
-Limits Tape::limits(Limits bench) const {
+Limits ReplaySource::limits(Limits bench) const {
   Limits l = bench;
   double step = 0;
   for (std::size_t i = 1; i < size(); ++i)
@@ -176,11 +176,11 @@ Limits Tape::limits(Limits bench) const {
   return l;
 }
 
-recordings::Header Tape::header() const {
+recordings::Header ReplaySource::header() const {
   return recording_.header;
 }
 
-Tape::Closing Tape::closing(const Guard& guard) const {
+ReplaySource::Closing ReplaySource::closing(const Guard& guard) const {
   const auto outcome = guard.outcome();
   const auto& r = recording_;
   // A recording that was still being written is one that has been recovered, once it is copied.
