@@ -17,7 +17,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "protocols/waveform.h"
 #include "recordings/format/recording.h"
 

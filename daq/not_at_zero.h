@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 
 namespace ferrobench::daq {
 

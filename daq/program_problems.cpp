@@ -1,6 +1,6 @@
 #include "daq/program_problems.h"
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 
 namespace ferrobench::daq {
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "protocols/waveform.h"
 
 namespace ferrobench::daq {

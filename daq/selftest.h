@@ -4,8 +4,8 @@
 
 #include <functional>
 
+#include "base/fields.h"
 #include "daq/device.h"
-#include "protocols/common/fields.h"
 
 namespace ferrobench::daq {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "base/text_file.h"
 #include "model/effects/catalogue.h"
-#include "protocols/common/text_file.h"
 
 namespace ferrobench::model {
 

@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "protocols/common/error.h"
-#include "protocols/common/fields.h"
+#include "base/error.h"
+#include "base/fields.h"
 
 namespace ferrobench::model {
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "protocols/segments.h"
 
 namespace ferrobench::protocols {

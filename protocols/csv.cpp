@@ -3,10 +3,10 @@
 #include <array>
 #include <cmath>
 
-#include "protocols/common/delimited_text.h"
-#include "protocols/common/fields.h"
-#include "protocols/common/headings.h"
-#include "protocols/common/units.h"
+#include "base/delimited_text.h"
+#include "base/fields.h"
+#include "base/headings.h"
+#include "base/units.h"
 
 namespace ferrobench::protocols {
 namespace {

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "protocols/protocol.h"
 
 namespace ferrobench::protocols {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
-#include "protocols/common/text_file.h"
-#include "protocols/common/units.h"
+#include "base/text_file.h"
+#include "base/units.h"
 #include "protocols/csv.h"
 #include "protocols/expand.h"
 #include "protocols/program.h"

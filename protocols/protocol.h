@@ -22,7 +22,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "protocols/waveform.h"
 
 namespace ferrobench::protocols {

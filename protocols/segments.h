@@ -15,7 +15,7 @@
 #include <variant>
 #include <vector>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "protocols/csv.h"
 
 namespace ferrobench::protocols {

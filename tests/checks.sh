@@ -3,7 +3,7 @@
 #   format      clang-format on every source
 #   alone       every source of the program parsed by itself, with all warnings (the build joins those of a folder, so that
 #               one may lack an include and nobody sees it)
-#   sanitizers  ASan and UBSan while protocols, recordings, journals and damaged files are read
+#   sanitizers  ASan and UBSan while text, protocols, recordings, journals and damaged files are read
 #   tidy        clang-tidy on the sources of the program (not of its tests) that changed since the branch left main, or
 #               since the last tag, or in the last 20 commits; the latest first, for a minute and a half
 set -u
@@ -29,7 +29,7 @@ commands() {
 import json, shlex, sys
 for entry in json.load(open(sys.argv[1])):
     folder = entry["file"].removeprefix(sys.argv[2] + "/").split("/")[0]
-    if folder in ("protocols", "recordings", "model", "daq", "server"):
+    if folder in ("base", "protocols", "recordings", "model", "daq", "server"):
         words = iter(w for w in shlex.split(entry["command"]) if w not in ("-MD", "-c"))
         print(shlex.join(w for w in words if w not in ("-MT", "-MF", "-o") or not next(words)),
               "-fsyntax-only -include", sys.argv[3])
@@ -46,7 +46,8 @@ alone() {
 
 sanitizers() {
   configure "$work/sanitized" -DCMAKE_CXX_FLAGS_DEBUG="-O0 -g1" -DFERROBENCH_SANITIZE=address,undefined &&
-    ninja -C "$work/sanitized" --quiet protocols_test recordings_test &&
+    ninja -C "$work/sanitized" --quiet base_test protocols_test recordings_test &&
+    ctest --test-dir "$work/sanitized/tests/base" --parallel "$jobs" --output-on-failure &&
     ctest --test-dir "$work/sanitized/tests/protocols" --parallel "$jobs" --output-on-failure &&
     ctest --test-dir "$work/sanitized/tests/recordings" --parallel "$jobs" --output-on-failure
 }
@@ -65,7 +66,7 @@ tidy() {
   since=$(base) || { echo "there is no earlier commit to compare with"; return 0; }
   configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 -DFERROBENCH_UNITY=OFF -DCCACHE=OFF || return 1
   known=$(sed -n 's/^ *"file": "\(.*\)",*$/\1/p' "$work/alone/compile_commands.json")
-  changed=$(git log --diff-filter=d --name-only --format= "$since..HEAD" -- protocols recordings model daq server | awk '!seen[$0]++' |
+  changed=$(git log --diff-filter=d --name-only --format= "$since..HEAD" -- base protocols recordings model daq server | awk '!seen[$0]++' |
     while read -r source; do
       printf '%s\n' "$known" | grep -qxF "$root/$source" && [ -f "$source" ] && echo "$source"
     done)

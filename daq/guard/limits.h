@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 
 namespace ferrobench::daq {
 

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/text_file.h"
 #include "daq/guard/limits.h"
 #include "daq/usb/calibration.h"
-#include "protocols/common/text_file.h"
 
 namespace ferrobench::daq::usb {
 

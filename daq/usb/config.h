@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::daq::usb {

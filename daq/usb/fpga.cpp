@@ -5,7 +5,7 @@
 #include <array>
 #include <span>
 
-#include "protocols/common/text_file.h"
+#include "base/text_file.h"
 
 namespace ferrobench::daq::usb {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <thread>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::daq::usb {
 

@@ -5,8 +5,8 @@
 #include <cassert>
 #include <cstdio>
 
+#include "base/fields.h"
 #include "daq/usb/little_endian.h"
-#include "protocols/common/fields.h"
 
 namespace ferrobench::daq::usb {
 

@@ -6,9 +6,9 @@
 #include <memory>
 #include <optional>
 
+#include "base/error.h"
 #include "daq/usb/link.h"
 #include "daq/usb/models.h"
-#include "protocols/common/error.h"
 
 namespace ferrobench::daq::usb {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "base/fields.h"
 #include "daq/usb/link.h"
-#include "protocols/common/fields.h"
 
 namespace ferrobench::daq::usb {
 

@@ -5,9 +5,9 @@
 #include <iostream>
 #include <limits>
 
+#include "base/fields.h"
 #include "daq/not_at_zero.h"
 #include "daq/usb/units.h"
-#include "protocols/common/fields.h"
 
 namespace ferrobench::daq::usb {
 

@@ -4,9 +4,9 @@
 #include <optional>
 #include <span>
 
+#include "base/fields.h"
 #include "daq/virtual/converter.h"
 #include "model/simulator.h"
-#include "protocols/common/fields.h"
 
 namespace ferrobench::daq {
 

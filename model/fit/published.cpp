@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "protocols/common/units.h"
+#include "base/units.h"
 #include "protocols/protocol.h"
 #include "recordings/tables/experiments.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "protocols/common/number_text.h"
+#include "base/number_text.h"
 
 namespace ferrobench::recordings {
 namespace {

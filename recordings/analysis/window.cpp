@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::recordings {
 namespace {

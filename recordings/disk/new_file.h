@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/disk/durable_file.h"
 
 namespace ferrobench::recordings {

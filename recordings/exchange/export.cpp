@@ -3,7 +3,7 @@
 #include <cmath>
 #include <ostream>
 
-#include "protocols/common/number_text.h"
+#include "base/number_text.h"
 
 namespace ferrobench::recordings {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <optional>
 
-#include "protocols/common/delimited_text.h"
-#include "protocols/common/headings.h"
+#include "base/delimited_text.h"
+#include "base/headings.h"
 #include "recordings/analysis/segments.h"
 #include "recordings/format/iso_time.h"
 

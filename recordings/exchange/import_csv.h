@@ -1,7 +1,7 @@
 // A table of samples in text as a recording. The other way is export.h.
 //
-// The text is read as protocols/common/delimited_text.h has it. Where a column's unit is not given it is that
-// of its heading (protocols/common/headings.h), and SI where that says none; one that is not understood is
+// The text is read as base/delimited_text.h has it. Where a column's unit is not given it is that
+// of its heading (base/headings.h), and SI where that says none; one that is not understood is
 // refused.
 #pragma once
 
@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::recordings {

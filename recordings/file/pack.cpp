@@ -1,6 +1,6 @@
 #include "recordings/file/pack.h"
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/format/sound.h"
 #include "recordings/hdf5/input.h"
 #include "recordings/hdf5/output_file.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/format/sound.h"
 #include "recordings/hdf5/read_apart.h"
 #include "recordings/journal/reader.h"

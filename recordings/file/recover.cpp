@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <filesystem>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/file/pack.h"
 #include "recordings/file/reader.h"
 #include "recordings/format/iso_time.h"

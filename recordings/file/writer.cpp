@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/file/pack.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/recover.h"

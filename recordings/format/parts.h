@@ -9,7 +9,7 @@
 #include <variant>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::recordings {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::recordings {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "protocols/common/error.h"
-#include "protocols/common/fields.h"
+#include "base/error.h"
+#include "base/fields.h"
 
 namespace ferrobench::recordings {
 namespace {

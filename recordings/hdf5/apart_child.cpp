@@ -11,7 +11,7 @@
 #include <csignal>
 #include <new>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/disk/durable_file.h"
 #include "recordings/format/texts.h"
 #include "recordings/hdf5/input_file.h"

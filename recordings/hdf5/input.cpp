@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::recordings::hdf5 {
 namespace {

@@ -3,8 +3,8 @@
 #include <array>
 #include <cstdio>
 
-#include "protocols/common/error.h"
-#include "protocols/common/fields.h"
+#include "base/error.h"
+#include "base/fields.h"
 #include "recordings/format/sound.h"
 #include "recordings/hdf5/input.h"
 

@@ -2,7 +2,7 @@
 
 #include <cerrno>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/disk/durable_file.h"
 
 namespace ferrobench::recordings::hdf5 {

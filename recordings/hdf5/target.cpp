@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::recordings::hdf5 {
 namespace {

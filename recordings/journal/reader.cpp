@@ -8,7 +8,7 @@
 #include <cstring>
 #include <limits>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/format/sound.h"
 #include "recordings/format/texts.h"
 #include "recordings/journal/writer.h"

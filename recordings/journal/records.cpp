@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstring>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::recordings {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <cerrno>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/format/texts.h"
 

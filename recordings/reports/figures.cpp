@@ -3,8 +3,8 @@
 #include <cmath>
 #include <set>
 
-#include "protocols/common/number_text.h"
-#include "protocols/common/units.h"
+#include "base/number_text.h"
+#include "base/units.h"
 #include "recordings/analysis/creep.h"
 #include "recordings/analysis/signals.h"
 #include "recordings/analysis/statistics.h"

@@ -13,7 +13,7 @@
 #include <fstream>
 #include <thread>
 
-#include "protocols/common/number_text.h"
+#include "base/number_text.h"
 #include "recordings/reports/table.h"
 
 namespace ferrobench::recordings {

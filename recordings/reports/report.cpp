@@ -2,10 +2,10 @@
 
 #include <algorithm>
 
-#include "protocols/common/fields.h"
-#include "protocols/common/number_text.h"
-#include "protocols/common/units.h"
-#include "protocols/common/visible.h"
+#include "base/fields.h"
+#include "base/number_text.h"
+#include "base/units.h"
+#include "base/visible.h"
 #include "recordings/analysis/skew.h"
 #include "recordings/reports/html_page.h"
 

@@ -3,9 +3,9 @@
 #include <array>
 #include <cmath>
 
-#include "protocols/common/error.h"
-#include "protocols/common/number_text.h"
-#include "protocols/common/visible.h"
+#include "base/error.h"
+#include "base/number_text.h"
+#include "base/visible.h"
 
 namespace ferrobench::recordings {
 namespace {

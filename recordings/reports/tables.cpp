@@ -3,7 +3,7 @@
 #include <cmath>
 #include <map>
 
-#include "protocols/common/units.h"
+#include "base/units.h"
 #include "recordings/analysis/creep.h"
 #include "recordings/analysis/loop_measures.h"
 #include "recordings/analysis/loops.h"

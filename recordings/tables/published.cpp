@@ -5,7 +5,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "protocols/common/delimited_text.h"
+#include "base/delimited_text.h"
 
 namespace ferrobench::published {  // the files of this folder, see ferrobench_embed()
 std::optional<std::string_view> embedded(std::string_view name);

@@ -1,7 +1,7 @@
 #include <iostream>
 
-#include "protocols/common/fields.h"
-#include "protocols/common/visible.h"
+#include "base/fields.h"
+#include "base/visible.h"
 #include "recordings/file/reader.h"
 #include "server/cli/cli.h"
 #include "server/cli/words.h"

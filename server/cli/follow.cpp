@@ -3,7 +3,7 @@
 #include <iostream>
 #include <thread>
 
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/file/recover.h"
 #include "server/cli/link.h"

@@ -1,7 +1,7 @@
 #include <filesystem>
 #include <iostream>
 
-#include "protocols/common/text_file.h"
+#include "base/text_file.h"
 #include "recordings/exchange/import_csv.h"
 #include "recordings/file/writer.h"
 #include "server/cli/link.h"

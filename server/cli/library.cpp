@@ -2,7 +2,7 @@
 #include <filesystem>
 #include <iostream>
 
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 #include "protocols/protocol.h"
 #include "server/cli/link.h"
 #include "server/net/token.h"

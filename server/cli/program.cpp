@@ -1,7 +1,7 @@
 #include <cstdio>
 #include <iostream>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/format/version.h"
 #include "server/cli/cli.h"
 #include "server/cli/words.h"

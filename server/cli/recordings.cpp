@@ -2,7 +2,7 @@
 #include <iostream>
 #include <sstream>
 
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 #include "recordings/exchange/export.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/writer.h"

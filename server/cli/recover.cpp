@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <iostream>
 
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 #include "recordings/disk/new_file.h"
 #include "server/cli/link.h"
 

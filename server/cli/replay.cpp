@@ -1,8 +1,8 @@
 #include <filesystem>
 #include <iostream>
 
+#include "base/visible.h"
 #include "daq/replay/play.h"
-#include "protocols/common/visible.h"
 #include "recordings/analysis/statistics.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/writer.h"

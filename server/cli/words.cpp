@@ -7,7 +7,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "server/cli/cli.h"
 #include "server/engine/request.h"
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::cli {
 

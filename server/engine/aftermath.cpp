@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <set>
 
+#include "base/fields.h"
 #include "daq/not_at_zero.h"
 #include "daq/registry.h"
-#include "protocols/common/fields.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/recover.h"

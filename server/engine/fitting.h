@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "base/fields.h"
 #include "model/inference/study/fit.h"
-#include "protocols/common/fields.h"
 
 namespace ferrobench::server {
 

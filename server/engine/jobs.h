@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "server/rpc/hub.h"
 
 namespace ferrobench::server {

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <string>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "server/rpc/method.h"
 
 namespace ferrobench::server {

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "base/units.h"
 #include "model/model.h"
-#include "protocols/common/units.h"
 
 namespace ferrobench::server {
 

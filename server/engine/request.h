@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
+#include "base/fields.h"
 #include "daq/device.h"
 #include "daq/replay/replay_source.h"
-#include "protocols/common/fields.h"
 #include "protocols/protocol.h"
 #include "recordings/disk/new_file.h"
 #include "server/engine/store.h"

@@ -6,10 +6,10 @@
 #include <boost/uuid/uuid_io.hpp>
 #include <semaphore>
 
+#include "base/visible.h"
 #include "daq/guard/check.h"
 #include "daq/replay/replay_source.h"
 #include "model/model.h"
-#include "protocols/common/visible.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/format/iso_time.h"
 #include "server/engine/sink.h"

@@ -15,8 +15,8 @@
 #include <string>
 #include <thread>
 
+#include "base/fields.h"
 #include "daq/guard/guard.h"
-#include "protocols/common/fields.h"
 #include "recordings/disk/new_file.h"
 #include "server/engine/request.h"
 #include "server/rpc/hub.h"

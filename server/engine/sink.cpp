@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 #include "recordings/format/iso_time.h"
 
 namespace ferrobench::server {

@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <ctime>
 
+#include "base/text_file.h"
 #include "model/model.h"
-#include "protocols/common/text_file.h"
 #include "recordings/file/recover.h"
 #include "recordings/file/writer.h"
 

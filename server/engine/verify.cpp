@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "protocols/common/fields.h"
-#include "protocols/common/number_text.h"
+#include "base/fields.h"
+#include "base/number_text.h"
 #include "recordings/format/parts.h"
 #include "recordings/reports/report.h"
 

@@ -1,6 +1,6 @@
 #include <filesystem>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "recordings/analysis/difference.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/exchange/export.h"

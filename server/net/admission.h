@@ -16,7 +16,7 @@
 #include <variant>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::server {
 

@@ -12,7 +12,7 @@
 #include <system_error>
 #include <utility>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "server/net/unix_socket.h"
 
 namespace ferrobench::server {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "server/rpc/subscriber.h"
 
 namespace ferrobench::server {

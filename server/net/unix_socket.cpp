@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench::server {
 namespace {

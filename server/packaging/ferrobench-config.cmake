@@ -1,4 +1,4 @@
-# find_package(ferrobench): ferrobench::model brings ferrobench::recordings and ferrobench::protocols with it.
+# find_package(ferrobench): ferrobench::model brings ferrobench::recordings, ferrobench::protocols and ferrobench::base with it.
 include(CMakeFindDependencyMacro)
 find_dependency(nlohmann_json)
 find_dependency(Eigen3)

@@ -5,7 +5,7 @@
 #include <set>
 #include <utility>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 
 namespace ferrobench::server {
 namespace {

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "server/rpc/context.h"
 
 namespace ferrobench::server {

@@ -5,7 +5,7 @@
 
 #include <fstream>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/analysis/difference.h"
 #include "recordings/file/reader.h"
 

@@ -1,7 +1,7 @@
 // Any records, with sound checksums, as a journal: refused, or read and recovered. A record is its kind, its
 // rows, the length of its payload (2 bytes), and the payload.
+#include "base/error.h"
 #include "input.h"
-#include "protocols/common/error.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/recover.h"
 #include "recordings/journal/records.h"

@@ -2,8 +2,8 @@
 // of their own (recordings/hdf5/read_apart.h), where the library may crash.
 #include <sstream>
 
+#include "base/error.h"
 #include "input.h"
-#include "protocols/common/error.h"
 #include "recordings/exchange/export.h"
 #include "recordings/file/reader.h"
 #include "recordings/reports/report.h"

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "protocols/common/headings.h"
+#include "base/headings.h"
 #include "protocols/protocol.h"
 
 namespace ferrobench::protocols {

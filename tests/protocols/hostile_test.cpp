@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 #include "tests/protocols/programs.h"
 
 namespace ferrobench::protocols {

@@ -8,7 +8,7 @@
 
 #include <fstream>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/writer.h"
 #include "recordings/hdf5/read_apart.h"

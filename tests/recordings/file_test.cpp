@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/writer.h"
 #include "tests/recordings/sample.h"

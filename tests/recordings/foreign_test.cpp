@@ -7,7 +7,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/writer.h"
 #include "tests/recordings/sample.h"

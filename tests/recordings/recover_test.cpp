@@ -9,7 +9,7 @@
 #include <iterator>
 #include <random>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/writer.h"
 #include "recordings/format/texts.h"

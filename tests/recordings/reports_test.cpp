@@ -13,7 +13,7 @@
 #include <numbers>
 #include <random>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/analysis/creep.h"
 #include "recordings/analysis/cycles.h"
 #include "recordings/analysis/loop_measures.h"

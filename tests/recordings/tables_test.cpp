@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "recordings/exchange/export.h"
 #include "recordings/tables/comparison.h"
 #include "tests/recordings/sample.h"

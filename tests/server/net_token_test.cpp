@@ -5,7 +5,7 @@
 #include <fstream>
 #include <thread>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 #include "server/net/token.h"
 
 namespace ferrobench::server {

@@ -1,4 +1,4 @@
-#include "protocols/common/text_file.h"
+#include "base/text_file.h"
 
 #include <fcntl.h>
 #include <poll.h>

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench {
 

@@ -1,4 +1,4 @@
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 
 #include <algorithm>
 #include <set>

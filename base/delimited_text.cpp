@@ -1,4 +1,4 @@
-#include "protocols/common/delimited_text.h"
+#include "base/delimited_text.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "protocols/common/fields.h"
+#include "base/fields.h"
 
 namespace ferrobench {
 namespace {

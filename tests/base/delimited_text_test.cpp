@@ -1,5 +1,5 @@
 // Tables in text, as RFC 4180 has them and as they come.
-#include "protocols/common/delimited_text.h"
+#include "base/delimited_text.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "protocols/common/headings.h"
+#include "base/headings.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

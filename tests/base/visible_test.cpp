@@ -1,4 +1,4 @@
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 #include <algorithm>
 #include <array>
 #include <cstdio>
 #include <utility>
 
-#include "protocols/common/visible.h"
+#include "base/visible.h"
 
 namespace ferrobench {
 namespace {

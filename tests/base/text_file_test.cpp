@@ -1,5 +1,5 @@
 // Files that a user names: read whole, never waited for, never without end.
-#include "protocols/common/text_file.h"
+#include "base/text_file.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>

@@ -17,7 +17,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocols/common/error.h"
+#include "base/error.h"
 
 namespace ferrobench {
 
