@@ -1,9 +1,9 @@
-#include "model/discrepancy/discover.h"
+#include "model/inference/study/discover.h"
 
 #include <filesystem>
 #include <iostream>
 
-#include "model/discrepancy/report.h"
+#include "model/inference/report/discovery_report.h"
 #include "recordings/file/reader.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"

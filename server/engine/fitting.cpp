@@ -1,7 +1,7 @@
 #include "server/engine/fitting.h"
 
-#include "model/fit/calibrate.h"
 #include "model/inference/report/fit_page.h"
+#include "model/inference/study/calibrate.h"
 
 namespace ferrobench::server {
 

@@ -1,5 +1,5 @@
-#include "model/discrepancy/discover.h"
-#include "model/discrepancy/report.h"
+#include "model/inference/report/discovery_report.h"
+#include "model/inference/study/discover.h"
 #include "recordings/file/reader.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"

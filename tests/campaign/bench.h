@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "model/discrepancy/discover.h"
+#include "model/inference/study/discover.h"
 
 namespace ferrobench::campaign {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "model/discrepancy/coordinates.h"
+#include "model/inference/parameters/scaled_parameters.h"
 
 namespace ferrobench::campaign {
 namespace {
@@ -54,7 +54,7 @@ bool below_detection(const Bench& b, const model::Discovery& d) {
     const auto smallest = d.smallest_detectable.find(hidden.id);
     if (smallest == d.smallest_detectable.end()) return false;
     const auto& parameter = model::find_effect(hidden.id).parameters.front();
-    const model::discrepancy::Amplitude amplitude(parameter);
+    const model::inference::Amplitude amplitude(parameter);
     return std::any_of(hidden.parameters.begin(), hidden.parameters.end(), [&](const auto& p) {
       return p.first == parameter.name &&
              std::abs(amplitude.strength(p.second)) <

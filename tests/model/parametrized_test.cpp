@@ -2,7 +2,7 @@
 // The loops are "measured" on the polycrystal by distribution.
 #include <gtest/gtest.h>
 
-#include "model/fit/calibrate.h"
+#include "model/inference/study/calibrate.h"
 #include "model/on_recording.h"
 #include "tests/model/measured.h"
 

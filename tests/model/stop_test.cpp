@@ -6,8 +6,8 @@
 #include <ctime>
 #include <random>
 
-#include "model/discrepancy/bench.h"
-#include "model/discrepancy/discover.h"
+#include "model/inference/dataset/bench.h"
+#include "model/inference/study/discover.h"
 #include "model/inference/study/fit.h"
 #include "tests/model/measured.h"
 
@@ -44,7 +44,7 @@ Work preparing(int segments) {
   const std::function<bool()> count = [&] { return ++out.steps < 0; };
   std::vector<std::string> warnings;
   const auto begin = std::clock();
-  const auto bench = discrepancy::prepare(library_model("soft-pzt"), recordings, 40000, warnings, &count);
+  const auto bench = inference::prepare_bench(library_model("soft-pzt"), recordings, 40000, warnings, &count);
   out.seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   EXPECT_EQ(bench.front().knot_time.size(), static_cast<std::size_t>(segments) + 1);
   return out;

@@ -2,7 +2,7 @@
 #include <future>
 
 #include "engine_bench.h"
-#include "model/discrepancy/discover.h"
+#include "model/inference/study/discover.h"
 #include "recordings/file/reader.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"

@@ -1,0 +1,206 @@
+#include "model/inference/dataset/bench.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "model/inference/dataset/drive.h"
+#include "model/inference/dataset/refusal.h"
+#include "model/on_recording.h"
+#include "recordings/analysis/statistics.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+using recordings::Channel;
+using recordings::Recording;
+
+constexpr const char* in_si = "every channel is in SI units: V/m, C, m, N";
+constexpr double most_measured = 1e15;  // in SI units: whose squares can still be summed, by far
+
+void check_time(const std::string& name, const Recording& r) {
+  if (r.size() < 16) refuse(name, "/entry/data/time", "has fewer than 16 samples");
+  for (std::size_t i = 0; i < r.size(); ++i)
+    if (!std::isfinite(r.time[i]) || (i > 0 && r.time[i] <= r.time[i - 1]))
+      refuse(name, "/entry/data/time", "does not rise at sample " + std::to_string(i));
+}
+
+void check_values(const std::string& name, const Recording& r) {
+  for (const auto channel : recordings::all_channels) {
+    if (!r.has(channel)) continue;
+    for (const double v : r.at(channel))
+      if (std::isfinite(v) && std::abs(v) > most_measured)
+        refuse(name, channel_path(channel), fmt::format("holds {:.3g}, which nothing measures", v),
+               std::string("it may be damaged; ") + in_si);
+  }
+}
+
+// Rows: all samples, or so many that those after each corner stay dense and the others are evenly thinned.
+std::vector<std::size_t> choose_rows(const Recording& r, const std::vector<double>& knots, std::size_t most) {
+  const std::size_t n = r.size();
+  std::vector<std::size_t> out;
+  if (n <= most) {
+    for (std::size_t i = 0; i < n; ++i) out.push_back(i);
+    return out;
+  }
+  std::set<std::size_t> chosen;
+  const std::size_t dense = most / 3 / std::max<std::size_t>(1, knots.size());
+  for (const double knot : knots) {
+    auto i = static_cast<std::size_t>(std::lower_bound(r.time.begin(), r.time.end(), r.time.front() + knot) -
+                                      r.time.begin());
+    double step = 1;
+    for (std::size_t k = 0; k < dense && i < n; ++k) {
+      chosen.insert(i);
+      i += static_cast<std::size_t>(step);
+      step *= 1.05;
+    }
+  }
+  const std::size_t even = most - std::min(most, chosen.size());
+  for (std::size_t k = 0; k < even; ++k) chosen.insert(k * n / even);
+  out.assign(chosen.begin(), chosen.end());
+  return out;
+}
+
+void add_channels(BenchRecording& out, const Recording& r, const std::vector<std::size_t>& rows,
+                  std::vector<std::string>& warnings) {
+  for (const auto channel : compared_channels) {
+    if (!r.has(channel) || (channel == Channel::field && !out.has_command)) continue;
+    const auto& all = r.at(channel);
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    std::size_t finite = 0;
+    std::vector<double> known;
+    for (const double v : all) {
+      if (!std::isfinite(v)) continue;
+      ++finite;
+      low = std::min(low, v);
+      high = std::max(high, v);
+      known.push_back(v);
+    }
+    const std::string label = std::string(recordings::channel_name(channel)) + " of " + out.name;
+    if (finite < 16) {
+      warnings.push_back(label + " has next to no finite value and was left out.");
+      continue;
+    }
+    if (!(high > low)) {
+      warnings.push_back(label + " is constant and was left out: not connected?");
+      continue;
+    }
+    MeasuredChannel m;
+    m.channel = channel;
+    m.range = high - low;
+    m.scatter = recordings::estimate_noise(known);
+    m.offset_is_free =
+        channel == Channel::charge && r.header.charge_reference == recordings::ChargeReference::first_sample;
+    for (const std::size_t row : rows) m.value.push_back(std::isfinite(all[row]) ? all[row] : NAN);
+    out.channels.push_back(std::move(m));
+  }
+}
+
+// What would make every comparison meaningless: a sign or a unit that is wrong.
+void check_scale(const BenchRecording& r, const Model& model, const SimulationOptions& roughly) {
+  const auto simulated = simulate_bench(model, r, roughly);
+  for (std::size_t c = 0; c < r.channels.size(); ++c) {
+    const auto& m = r.channels[c];
+    double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0, n = 0;
+    for (std::size_t i = 0; i < r.time.size(); ++i) {
+      if (std::isnan(m.value[i])) continue;
+      const double x = simulated[c][i], y = m.value[i];
+      sx += x;
+      sy += y;
+      ++n;
+    }
+    for (std::size_t i = 0; i < r.time.size(); ++i) {
+      if (std::isnan(m.value[i])) continue;
+      const double x = simulated[c][i] - sx / n, y = m.value[i] - sy / n;
+      sxx += x * x;
+      sxy += x * y;
+      syy += y * y;
+    }
+    if (!(sxx > 0) || !(syy > 0)) continue;
+    const double correlation = sxy / std::sqrt(sxx * syy), ratio = std::sqrt(syy / sxx);
+    if (correlation * correlation < 0.25 || 3 * m.scatter > std::sqrt(syy / n)) continue;
+    if (correlation < 0)
+      refuse(r.name, channel_path(m.channel), "moves against the model: its sign is wrong",
+             "turn the channel's sign; field along poling, extension and compressive force are positive");
+    if (ratio > 30 || ratio < 1.0 / 30)
+      refuse(r.name, channel_path(m.channel),
+             "is " + std::to_string(ratio) + " times what the model gives: wrong units?", in_si);
+  }
+}
+
+}  // namespace
+
+const MeasuredChannel* BenchRecording::find(Channel channel) const {
+  for (const auto& m : channels)
+    if (m.channel == channel) return &m;
+  return nullptr;
+}
+
+std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<NamedRecording>& recordings,
+                                          std::size_t rows, std::vector<std::string>& warnings,
+                                          const std::function<bool()>* stop) {
+  const SimulationOptions roughly{.tolerance = 1e-3, .stop = stop};
+  if (recordings.empty()) throw Error(ErrorCode::invalid_params, "there is no recording to learn from");
+  std::set<std::string> names;
+  std::vector<BenchRecording> out;
+  for (const auto& [name, r] : recordings) {
+    check_stop(roughly);
+    if (!names.insert(name).second)
+      throw Error(ErrorCode::invalid_params, "two recordings have the same name",
+                  Problem{.path = "/recordings", .message = "stands here twice", .given = name});
+    check_time(name, r);
+    check_values(name, r);
+    BenchRecording b;
+    b.name = name;
+    b.header = r.header;
+    b.has_command = r.has(Channel::command);
+    if (!b.has_command && !r.has(Channel::field))
+      refuse(name, "/entry/data", "has neither command nor field");
+    set_drive(b, r);
+    const auto chosen = choose_rows(r, b.knot_time, std::max<std::size_t>(1000, rows / recordings.size()));
+    if (chosen.size() < r.size())
+      warnings.push_back(name + ": " + std::to_string(chosen.size()) + " of " + std::to_string(r.size()) +
+                         " samples took part, densest after each corner.");
+    for (const std::size_t row : chosen) b.time.push_back(r.time[row] - r.time.front());
+    add_channels(b, r, chosen, warnings);
+    if (b.channels.empty())
+      refuse(name, "/entry/data", "has no channel that says anything of the actuator",
+             "charge, displacement or force is needed");
+    classify_segments(b, model, roughly);
+    check_scale(b, model, roughly);
+    out.push_back(std::move(b));
+  }
+  return out;
+}
+
+std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& r,
+                                                const SimulationOptions& options,
+                                                SimulationStatistics* statistics) {
+  std::vector<std::vector<double>> out;
+  ChannelSpans spans;
+  for (const auto& m : r.channels) {
+    auto& column = out.emplace_back(r.time.size());
+    switch (m.channel) {
+      case Channel::charge:
+        spans.charge = column;
+        break;
+      case Channel::displacement:
+        spans.displacement = column;
+        break;
+      case Channel::force:
+        spans.force = column;
+        break;
+      default:
+        spans.field = column;
+    }
+  }
+  const auto took =
+      simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans, options);
+  if (statistics != nullptr) *statistics = took;
+  return out;
+}
+
+}  // namespace ferrobench::model::inference

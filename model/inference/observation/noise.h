@@ -1,0 +1,39 @@
+// The noise of a channel, found in the data, and its whitening.
+//
+// Noise is taken as white plus, where the data show it, an exponentially correlated part (an AR(1) process in
+// continuous time). Its level comes from second differences (statistics.h), which signals hardly touch; its
+// colour from the autocovariance within the quiet windows of the recording, detrended by a quartic. A tone
+// is no noise and is taken out before.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "model/inference/dataset/bench.h"
+
+namespace ferrobench::model::inference {
+
+struct NoiseModel {
+  double white = 0;             // standard deviation
+  double slow = 0;              // standard deviation of the correlated part
+  double correlation_time = 0;  // s
+  double std() const;
+};
+
+// By recording and channel, in the order of the bench.
+std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecording>& bench,
+                                                    std::vector<std::string>& warnings);
+
+// Turns residuals into independent ones of unit variance: the innovations of a Kalman filter of one state.
+// Linear, so columns of a Jacobian go the same way as the residuals.
+class Whitening {
+ public:
+  // At these times; rising.
+  Whitening(const NoiseModel& noise, std::span<const double> times);
+  void apply(std::span<double> values) const;
+
+ private:
+  std::vector<double> decay_, gain_, inverse_std_;
+};
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,164 @@
+#include "model/inference/parameters/scaled_parameters.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/inference/parameters/parameters.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+constexpr double known_to = 0.12, factor_known_to = 0.05, gain_known_to = 0.03, offset_known_to = 0.03;
+constexpr double farthest = 12;  // in prior standard deviations
+
+ScaledParameter with_prior(std::string path, double from, double scale) {
+  return {.path = std::move(path), .from = from, .scale = scale, .low = -farthest, .high = farthest};
+}
+
+// A solver's steps do not know of a sensor, so there no noise of theirs forbids small differences; and what
+// is limited has kinks, which want them.
+double difference_of(const Effect& effect) {
+  if (is_sensor(effect.family)) return 1e-4;
+  return effect.parameters.front().limit_of == LimitOf::nothing ? ScaledParameter{}.difference : 0.01;
+}
+
+// Of "effects.ID.PARAMETER"; null for other paths.
+const Effect* effect_at(std::string_view path) {
+  constexpr std::string_view begin = "effects.";
+  if (!path.starts_with(begin)) return nullptr;
+  path.remove_prefix(begin.size());
+  return &find_effect(path.substr(0, path.find('.')));
+}
+
+}  // namespace
+
+double ScaledParameter::value(double z) const {
+  return logarithmic ? from * std::exp(scale * z) : from + scale * z;
+}
+
+double ScaledParameter::slope(double z) const {
+  return logarithmic ? scale * value(z) : scale;
+}
+
+bool ScaledParameter::of_model() const {
+  return !path.starts_with("gain.") && !path.starts_with("factor.") && !path.starts_with("offset.");
+}
+
+Eigen::VectorXd prior_mean(const Hypothesis& h) {
+  return Eigen::VectorXd::Zero(static_cast<Eigen::Index>(h.parameters.size()));
+}
+
+Setting setting_at(const Hypothesis& h, const Eigen::VectorXd& z) {
+  Setting out;
+  std::vector<std::pair<std::string, double>> values;
+  for (std::size_t i = 0; i < h.parameters.size(); ++i) {
+    const auto& c = h.parameters[i];
+    const double value = c.value(z[static_cast<Eigen::Index>(i)]);
+    if (c.of_model())
+      values.emplace_back(c.path, value);
+    else if (c.path == "factor.spring_stiffness")
+      out.spring_factor = value;
+    else if (c.path == "factor.prestress")
+      out.prestress_factor = value;
+    else if (c.path == "offset.field")
+      out.field_offset = value;
+    else
+      for (std::size_t k = 0; k < compared_channels.size(); ++k)
+        if (c.path.substr(5) == recordings::channel_name(compared_channels.at(k))) out.gain.at(k) = value;
+  }
+  out.model = with_parameters(h.model, values);
+  return out;
+}
+
+BenchRecording apply_setting(const Setting& setting, const BenchRecording& recording) {
+  auto out = recording;
+  out.header.load.spring_stiffness *= setting.spring_factor;
+  out.header.load.prestress *= setting.prestress_factor;
+  static_assert(compared_channels[0] == recordings::Channel::field);
+  if (!out.has_command)
+    for (double& e : out.knot_field) e = (e - setting.field_offset) / setting.gain[0];
+  return out;
+}
+
+Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>& bench) {
+  Hypothesis out{.model = model, .parameters = {}, .base_count = 0};
+  for (const auto& path : parameter_paths(model)) {
+    const bool wanted = path.starts_with("material.") || path.starts_with("polycrystal.") ||
+                        path.starts_with("effects.") || path == "actuator.passive_stiffness";
+    // Temperature and activation volume are one number, their ratio.
+    if (!wanted || path == "material.temperature") continue;
+    const double value = get_parameter(model, path);
+    // What is zero is absent; to switch it on is an effect.
+    if (value == 0) continue;
+    out.parameters.push_back(with_prior(path, value, known_to));
+    if (const auto* effect = effect_at(path)) out.parameters.back().difference = difference_of(*effect);
+  }
+  const auto any = [&](auto&& test) { return std::ranges::any_of(bench, test); };
+  if (any([](const BenchRecording& r) { return r.header.load.spring_stiffness > 0; }))
+    out.parameters.push_back(with_prior("factor.spring_stiffness", 1, factor_known_to));
+  if (any([](const BenchRecording& r) { return r.header.load.prestress > 0; }))
+    out.parameters.push_back(with_prior("factor.prestress", 1, factor_known_to));
+  const auto driven_by_field = [](const BenchRecording& r) { return !r.has_command; };
+  for (const auto channel : compared_channels)
+    if (any([channel](const BenchRecording& r) { return r.find(channel) != nullptr; }) ||
+        (channel == recordings::Channel::field && any(driven_by_field))) {
+      out.parameters.push_back(
+          with_prior("gain." + std::string(recordings::channel_name(channel)), 1, gain_known_to));
+      out.parameters.back().scales_only = channel != recordings::Channel::field || !any(driven_by_field);
+    }
+  if (any(driven_by_field)) {
+    double low = 0, high = 0;
+    for (const auto& r : bench)
+      for (const double e : r.knot_field) {
+        low = std::min(low, e);
+        high = std::max(high, e);
+      }
+    out.parameters.push_back({.path = "offset.field",
+                              .from = 0,
+                              .scale = offset_known_to * (high - low),
+                              .logarithmic = false,
+                              .low = -farthest,
+                              .high = farthest});
+  }
+  out.base_count = out.parameters.size();
+  return out;
+}
+
+Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vector<double>& values) {
+  auto out = h;
+  EffectSetting setting{.id = std::string(effect.id), .parameters = {}};
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto& p = effect.parameters[i];
+    setting.parameters.emplace_back(p.name, values[i]);
+    ScaledParameter c;
+    c.path = "effects." + setting.id + "." + std::string(p.name);
+    c.from = values[i];
+    c.prior = false;
+    c.difference = difference_of(effect);
+    const bool linear = p.any_sign && i == 0;
+    c.logarithmic = !linear;
+    // A frequency is known far better than any other shape.
+    c.scale = linear ? 0.3 * std::abs(values[i]) : p.name == "frequency" ? 1e-4 : i == 0 ? 0.3 : 0.5;
+    if (linear) {
+      const double farthest_value = std::min(10.0, h.reach) * p.high;
+      c.low = (-farthest_value - values[i]) / c.scale;
+      c.high = (farthest_value - values[i]) / c.scale;
+    } else {
+      const double reach = p.name == "frequency" ? 1 : i == 0 ? h.reach : std::min(3.0, h.reach);
+      c.low = std::log(p.low / reach / std::abs(values[i])) / c.scale;
+      c.high = std::log(p.high * reach / std::abs(values[i])) / c.scale;
+    }
+    c.low = std::min(c.low, -1.0);
+    c.high = std::max(c.high, 1.0);
+    out.parameters.push_back(c);
+  }
+  out.model.effects.push_back(std::move(setting));
+  return out;
+}
+
+Amplitude::Amplitude(const EffectParameter& p) : off_at_infinity(p.off_at_infinity), any_sign(p.any_sign) {
+  weak = strength(p.off_at_infinity ? p.high : p.low);
+  strong = strength(p.off_at_infinity ? p.low : p.high);
+}
+
+}  // namespace ferrobench::model::inference

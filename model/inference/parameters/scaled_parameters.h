@@ -1,0 +1,73 @@
+// The numbers that a fit moves, on scales where 0 is what the given model says and 1 is one standard
+// deviation of what is known beforehand.
+//
+//   base parameters, effects that the model has already:   ln(value / given) = 0.12 z       (12 %)
+//   factors on each recording's spring and prestress:      ln(factor) = 0.05 z
+//   gains of the channels:                                 ln(gain) = 0.03 z
+//   offset of the field, where it is the drive:            offset = 0.03 range z
+//   the effect that is tried:                              no prior
+#pragma once
+
+#include <Eigen/Dense>
+#include <string>
+#include <vector>
+
+#include "model/effects/catalogue.h"
+#include "model/inference/dataset/bench.h"
+
+namespace ferrobench::model::inference {
+
+struct ScaledParameter {
+  std::string path;  // as in fit/parameters.h, or "gain.charge", "factor.prestress"
+  double from = 0;   // the value at z = 0
+  double scale = 1;  // of ln(value) if logarithmic, else of the value
+  bool logarithmic = true;
+  bool prior = true;
+  double low = 0, high = 0;  // of z
+  double difference = 0.1;   // of z, to take a slope over
+  bool scales_only = false;  // a channel: the simulation is the same
+
+  double value(double z) const;
+  double slope(double z) const;  // d value / dz
+  bool of_model() const;
+};
+
+// A model with the numbers that may move in it.
+struct Hypothesis {
+  Model model;
+  std::vector<ScaledParameter> parameters;
+  std::size_t base_count = 0;  // the first ones are the base model's
+  double reach = 30;           // an effect's amplitude may be so many times what is plausible
+};
+
+// Where nothing has moved.
+Eigen::VectorXd prior_mean(const Hypothesis& hypothesis);
+
+struct Setting {
+  Model model;
+  std::array<double, compared_channels.size()> gain{1, 1, 1, 1};  // by compared_channels
+  double spring_factor = 1, prestress_factor = 1;
+  double field_offset = 0;  // of the measured field
+};
+Setting setting_at(const Hypothesis& hypothesis, const Eigen::VectorXd& z);
+// The recording with the load that the setting says it had, and, where no command was recorded, the drive
+// that its measured field says: measured = gain * field + offset.
+BenchRecording apply_setting(const Setting& setting, const BenchRecording& recording);
+
+// The base model: material, polycrystal, passive layers and effects that it has, factors and gains.
+Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>& bench);
+
+// With one more effect, standing at these values of its parameters; its parameters are the last ones.
+Hypothesis with_effect(const Hypothesis& hypothesis, const Effect& effect, const std::vector<double>& values);
+
+// How an effect's amplitude is moved from very weak to very strong.
+struct Amplitude {
+  explicit Amplitude(const EffectParameter& parameter);
+  double weak = 0, strong = 0;  // the plausible range
+  bool off_at_infinity = false, any_sign = false;
+  // `strength` is proportional to what the effect does while it is small.
+  double value(double strength) const { return off_at_infinity ? 1 / strength : strength; }
+  double strength(double value) const { return off_at_infinity ? 1 / value : value; }
+};
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,380 @@
+#include "model/inference/report/discovery_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "recordings/reports/html_page.h"
+#include "recordings/reports/plot.h"
+#include "recordings/reports/table.h"
+
+namespace ferrobench::model {
+namespace {
+
+using recordings::Channel;
+using recordings::escape_html;
+
+std::string readable(std::string_view id) {
+  std::string out(id);
+  std::ranges::replace(out, '_', ' ');
+  return out;
+}
+
+std::string names_of(const Explanation& e) {
+  std::string out;
+  for (const auto& effect : e.effects) out += (out.empty() ? "" : " and ") + readable(effect.id);
+  return out;
+}
+
+std::string percent(double probability) {
+  if (probability > 0.99) return "more than 99 %";
+  return fmt::format("{:.0f} %", 100 * probability);
+}
+
+std::string parameter_text(const Effect& effect, const EffectEstimate::Parameter& p) {
+  for (const auto& known : effect.parameters)
+    if (known.name == p.name)
+      return fmt::format("{} = {:.4g} {} (90 %: {:.3g} to {:.3g}; plausible: {}{:.3g} to {:.3g})",
+                         readable(p.name), p.value, known.unit == "1" ? "" : std::string(known.unit), p.low,
+                         p.high, known.any_sign ? "either sign, " : "", known.low, known.high);
+  return p.name;
+}
+
+std::string doubt_sentence(const std::vector<EffectEstimate>& doubted) {
+  std::string out = "Something is missing, but what it is cannot be told.";
+  for (const auto& e : doubted) {
+    out += fmt::format(" {} would explain it", readable(e.id));
+    for (const auto& p : e.parameters) out += ", " + parameter_text(find_effect(e.id), p);
+    out += ".";
+  }
+  return out + " That is not plausible, or could as well be nothing, so nothing was added.";
+}
+
+std::string verdict_sentence(const Discovery& d) {
+  switch (d.verdict) {
+    case Verdict::named:
+      return fmt::format("Missing in the model: {}. Probability {}.", names_of(d.explanations.front()),
+                         percent(d.explanations.front().probability));
+    case Verdict::ambiguous: {
+      std::string out = "Something is missing, and these recordings cannot tell which of these it is: ";
+      for (std::size_t i = 0; i < d.explanations.size(); ++i)
+        if (i == 0 || d.explanations[i].probability > 0.05)
+          out += fmt::format("{}{} ({})", i > 0 ? ", or " : "", names_of(d.explanations[i]),
+                             percent(d.explanations[i].probability));
+      return out + ".";
+    }
+    case Verdict::unknown: {
+      if (!d.doubted.empty()) return doubt_sentence(d.doubted);
+      auto out =
+          fmt::format("Something is missing, but nothing in the catalogue explains it. It acts on: {}.",
+                      d.family ? family_name(*d.family) : "no single place");
+      if (!d.explanations.empty() && !d.where.empty())
+        out += fmt::format(" The nearest was {}; it is not enough.", names_of(d.explanations.front()));
+      return out;
+    }
+    case Verdict::nothing_missing:
+      break;
+  }
+  return fmt::format(
+      "Nothing is missing: with its parameters recalibrated the model explains the recordings down to their "
+      "noise (probability {}).",
+      percent(d.probability_nothing));
+}
+
+std::string place_sentence(const Excess& w) {
+  return fmt::format("{}, {}, {}: the miss is {:.1f} times the noise.", w.recording,
+                     recordings::channel_name(w.channel), w.segment, w.excess);
+}
+
+std::string gap_sentence(const std::string& on, const Gap& g) {
+  std::string out = on + ", residual over noise before and after: ";
+  bool first = true;
+  for (const auto& [channel, before] : g.before) {
+    const auto after = g.after.find(channel);
+    out += fmt::format("{}{} {:.2f} to {:.2f}", first ? "" : ", ", recordings::channel_name(channel), before,
+                       after == g.after.end() ? NAN : after->second);
+    first = false;
+  }
+  double excess_before = 0, excess_after = 0;
+  for (const auto& [channel, v] : g.before) excess_before += std::max(0.0, v * v - 1);
+  for (const auto& [channel, v] : g.after) excess_after += std::max(0.0, v * v - 1);
+  if (excess_before > 0.1)
+    out += fmt::format(". {:.0f} % of the excess is gone",
+                       100 * std::max(0.0, 1 - excess_after / excess_before));
+  return out + ".";
+}
+
+std::vector<std::string> moved(const Discovery& d) {
+  std::vector<std::string> out;
+  for (const auto& [path, r] : d.recalibrated) {
+    if (std::abs(r.to - r.from) < 2 * r.std) continue;
+    if (r.from == 0) {
+      out.push_back(fmt::format("{} {:.4g} ± {:.2g}", path, r.to, r.std));
+      continue;
+    }
+    const double share = r.to / r.from - 1;
+    if (std::abs(share) < 0.005) continue;
+    out.push_back(
+        fmt::format("{} {:+.1f} % ({:.4g} to {:.4g}, ± {:.2g})", path, 100 * share, r.from, r.to, r.std));
+  }
+  return out;
+}
+
+std::string list(const std::vector<std::string>& items) {
+  std::string out;
+  for (const auto& i : items) out += (out.empty() ? "" : ", ") + i;
+  return out;
+}
+
+struct Section {
+  std::string title;
+  std::vector<std::string> lines;
+};
+
+std::vector<Section> sections(const Discovery& d) {
+  std::vector<Section> out;
+  out.push_back({"Verdict", {verdict_sentence(d)}});
+  if (d.verdict != Verdict::nothing_missing) {
+    Section s{"Where the model misses", {}};
+    for (std::size_t i = 0; i < std::min<std::size_t>(5, d.where.size()); ++i)
+      s.lines.push_back(place_sentence(d.where[i]));
+    for (const auto& signal : d.signals) {
+      const auto [low, high] = std::ranges::minmax(signal.value);
+      s.lines.push_back(fmt::format("It acts like an addition to the {} that ranges over {:.3g} {} in {}.",
+                                    recordings::channel_name(signal.channel), high - low,
+                                    recordings::channel_unit(signal.channel), signal.recording));
+    }
+    out.push_back(s);
+  }
+  if (d.verdict == Verdict::named || d.verdict == Verdict::ambiguous) {
+    Section s{"What was added", {}};
+    for (const auto& e : d.explanations.front().effects) {
+      const auto& effect = find_effect(e.id);
+      s.lines.push_back(
+          fmt::format("{} ({}): {}", readable(e.id), family_name(effect.family), effect.equation));
+      for (const auto& p : e.parameters) s.lines.push_back(parameter_text(effect, p));
+    }
+    out.push_back(s);
+  }
+  Section proof{"Proof", {}};
+  if (!d.held_out.recordings.empty())
+    proof.lines.push_back(gap_sentence(
+        "On recordings that were locked away (" + list(d.held_out.recordings) + ")", d.held_out));
+  else
+    proof.lines.emplace_back(
+        "There were too few recordings to lock one away: there is no proof on unseen data.");
+  proof.lines.push_back(gap_sentence("On the others", d.train));
+  if (d.verdict != Verdict::nothing_missing && !d.explanations.empty() &&
+      d.explanations.front().leave_one_out) {
+    const auto& l = *d.explanations.front().leave_one_out;
+    proof.lines.push_back(fmt::format(
+        "Each of the others predicted from the rest: with {} {} of {} come out better than without, "
+        "and the sum of squared residuals falls by {:.3g}.",
+        names_of(d.explanations.front()), l.better, l.recordings, l.gain));
+  }
+  out.push_back(proof);
+  Section rivals{"Alternatives", {}};
+  for (std::size_t i = 1; i < d.explanations.size() && i < 4; ++i)
+    if (d.explanations[i].probability > 0.005)
+      rivals.lines.push_back(
+          fmt::format("{}: {}", names_of(d.explanations[i]), percent(d.explanations[i].probability)));
+  if (d.verdict != Verdict::nothing_missing)
+    rivals.lines.push_back(
+        fmt::format("Something outside the catalogue: {}", percent(d.probability_unknown)));
+  for (const auto& group : d.equivalent) {
+    std::vector<std::string> names;
+    names.reserve(group.size());
+    for (const auto& id : group) names.push_back(readable(id));
+    rivals.lines.push_back("Not to be told apart with these recordings: " + list(names) + ".");
+  }
+  if (d.next_experiment)
+    rivals.lines.push_back(fmt::format("To decide, run the protocol {}: expected odds {:.3g} : 1.",
+                                       d.next_experiment->protocol, d.next_experiment->expected_odds));
+  if (!rivals.lines.empty()) out.push_back(rivals);
+  Section changed{"What changed only as a parameter", moved(d)};
+  if (changed.lines.empty()) changed.lines.emplace_back("No parameter moved by more than its uncertainty.");
+  out.push_back(changed);
+  Section limits{"What these recordings could not show", {}};
+  if (!d.not_testable.empty()) {
+    std::vector<std::string> names;
+    for (const auto& id : d.not_testable) names.push_back(readable(id));
+    limits.lines.push_back("Not testable: " + list(names) + ".");
+  }
+  if (limits.lines.empty())
+    limits.lines.emplace_back("Every effect of the catalogue would have shown at a plausible size.");
+  out.push_back(limits);
+  Section health{"Health", {}};
+  health.lines.push_back(fmt::format(
+      "{} simulations in {:.0f} s; own numerical error {:.2f} of the noise; {} starts of the recalibration.",
+      d.health.simulations, d.health.seconds, d.health.numerical_error_over_noise, d.health.starts));
+  if (d.verdict != Verdict::nothing_missing)
+    health.lines.push_back(fmt::format(
+        "Left after the explanation: {:.0f} of {:.0f} allowed (drop of the sum of squares by anything more).",
+        d.health.largest_left, d.health.allowed_left));
+  for (const auto& [channel, n] : d.health.noise)
+    health.lines.push_back(
+        fmt::format("Noise of the {}: {:.3g} {}{}.", recordings::channel_name(channel), n.std,
+                    recordings::channel_unit(channel),
+                    n.correlated ? fmt::format(", correlated over {:.2g} s", n.correlation_time) : ""));
+  for (const auto& w : d.health.warnings) health.lines.push_back(w);
+  out.push_back(health);
+  return out;
+}
+
+std::string detectable_table(const Discovery& d) {
+  std::string out =
+      "<h2>Smallest size that would have been seen</h2>\n<div class=\"wide\"><table><tr><th>effect</th>"
+      "<th>parameter</th><th>size</th><th>unit</th></tr>\n";
+  for (const auto& [id, parameters] : d.smallest_detectable)
+    for (const auto& [name, value] : parameters) {
+      std::string_view unit;
+      for (const auto& p : find_effect(id).parameters)
+        if (p.name == name) unit = p.unit;
+      out += fmt::format(
+          "<tr><td class=\"text\">{}</td><td class=\"text\">{}</td><td>{:.2g}</td><td "
+          "class=\"text\">{}</td></tr>\n",
+          readable(id), readable(name), value, escape_html(std::string(unit)));
+    }
+  return out + "</table></div>\n";
+}
+
+// Published cells; none if recordings were the bench.
+std::vector<recordings::Table> cell_tables(const Discovery& d) {
+  std::vector<recordings::Table> out;
+  for (const auto& c : d.cells) {
+    const std::string key = "table_" + c.table;
+    if (out.empty() || out.back().key != key) {
+      auto& t = out.emplace_back();
+      t.key = key;
+      t.title = "Table " + c.table + ": " + readable(c.published.quantity);
+      for (const auto& [name, value] : c.published.keys) t.columns.push_back({name, readable(name), ""});
+      t.columns.insert(t.columns.end(), {{"published", "published", ""},
+                                         {"before", "model before", ""},
+                                         {"after", "model after", ""},
+                                         {"held_out", "locked away", ""}});
+    }
+    auto& row = out.back().rows.emplace_back();
+    for (const auto& [name, value] : c.published.keys) row.emplace_back(value);
+    row.insert(row.end(), {c.published.published, c.before, c.after, std::string(c.held_out ? "yes" : "")});
+  }
+  return out;
+}
+
+struct PictureAxis {
+  std::string label;
+  double scale = 1;
+};
+PictureAxis picture_axis(Channel channel) {
+  switch (channel) {
+    case Channel::charge:
+      return {"charge / uC", 1e6};
+    case Channel::displacement:
+      return {"displacement / um", 1e6};
+    case Channel::force:
+      return {"force / N", 1};
+    default:
+      return {"field / kV/mm", 1e-6};
+  }
+}
+
+recordings::Figure picture_of(const MissingSignal& signal) {
+  const auto axis = picture_axis(signal.channel);
+  recordings::Series s{.label = "would have to be added", .points = {}};
+  for (std::size_t i = 0; i < signal.time.size(); ++i)
+    s.points.push_back({signal.time[i], axis.scale * signal.value[i]});
+  return {.title = signal.recording + ": what is missing acts like this",
+          .x_label = "time / s",
+          .y_label = axis.label,
+          .log_x = false,
+          .square = false,
+          .series = {std::move(s)}};
+}
+
+std::string pictures(const Discovery& d) {
+  std::vector<recordings::Figure> figures;
+  for (const auto& signal : d.signals) figures.push_back(picture_of(signal));
+  for (const auto& t : d.traces) {
+    const auto axis = picture_axis(t.channel);
+    recordings::Figure f;
+    f.title = t.recording + (t.held_out ? ", locked away" : "") + ": " + t.segment;
+    f.x_label = "time / s";
+    f.y_label = axis.label;
+    const auto series = [&](const std::string& label, const std::vector<double>& values) {
+      recordings::Series s{.label = label, .points = {}};
+      for (std::size_t i = 0; i < values.size(); ++i) s.points.push_back({t.time[i], axis.scale * values[i]});
+      f.series.push_back(std::move(s));
+    };
+    series("measured", t.measured);
+    series("before", t.before);
+    const bool repaired = d.verdict == Verdict::named || d.verdict == Verdict::ambiguous;
+    if (repaired) series("after", t.after);
+    // The miss itself, which the curves hide where they are close.
+    recordings::Figure miss{.title = f.title + ": measured less model",
+                            .x_label = f.x_label,
+                            .y_label = f.y_label,
+                            .log_x = false,
+                            .square = false,
+                            .series = {}};
+    figures.push_back(std::move(f));
+    std::swap(f, miss);
+    const auto missed = [&](const std::string& label, const std::vector<double>& values) {
+      auto difference = t.measured;
+      for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= values[i];
+      series(label, difference);
+    };
+    missed("before", t.before);
+    if (repaired) missed("after", t.after);
+    figures.push_back(std::move(f));
+  }
+  if (figures.empty()) return "";
+  const auto drawing = recordings::draw(figures);
+  std::string out = "<h2>Where it matters most</h2>\n<div class=\"pair\">\n";
+  for (std::size_t i = 0; i < figures.size(); ++i)
+    out += "<figure><figcaption>" + escape_html(figures[i].title) + "</figcaption>" +
+           (drawing.problem.empty()
+                ? drawing.svg[i]
+                : "<p class=\"note\">No picture: " + escape_html(drawing.problem) + ".</p>") +
+           "</figure>\n";
+  return out + "</div>\n";
+}
+
+}  // namespace
+
+std::vector<std::string> findings(const Discovery& d) {
+  std::vector<std::string> out;
+  for (const auto& s : sections(d))
+    if (s.title != "Health") out.insert(out.end(), s.lines.begin(), s.lines.end());
+  return out;
+}
+
+std::string text_report(const Discovery& d) {
+  std::string out;
+  for (const auto& s : sections(d)) {
+    out += s.title + "\n";
+    for (const auto& line : s.lines) out += "  " + line + "\n";
+  }
+  for (const auto& table : cell_tables(d)) out += "\n" + to_text(table);
+  return out;
+}
+
+std::string html_report(const Discovery& d) {
+  std::string body;
+  for (const auto& s : sections(d)) {
+    body += "<h2>" + escape_html(s.title) + "</h2>\n";
+    if (s.lines.size() == 1) {
+      body += "<p>" + escape_html(s.lines.front()) + "</p>\n";
+    } else {
+      body += "<ul>\n";
+      for (const auto& line : s.lines) body += "<li>" + escape_html(line) + "</li>\n";
+      body += "</ul>\n";
+    }
+    if (s.title == "Where the model misses" ||
+        (s.title == "Verdict" && d.verdict == Verdict::nothing_missing))
+      body += pictures(d);
+  }
+  for (const auto& table : cell_tables(d)) body += to_html(table);
+  return recordings::html_frame("What the model misses", body + detectable_table(d));
+}
+
+}  // namespace ferrobench::model

@@ -1,0 +1,80 @@
+// Residuals of a hypothesis in standard deviations of what was measured, independent of each other: whitened.
+//
+//   r(z) = W (y - y_sim(z)),   W^T W the inverse covariance of the noise
+//
+// Nuisance parameters that enter linearly with a normal prior (offsets, a drive that is known with an
+// uncertainty) are marginalized: with D their whitened directions, scaled by the priors, the covariance
+// becomes I + D D^T, and r is multiplied by its inverse square root.
+#pragma once
+
+#include <Eigen/Dense>
+#include <atomic>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "model/effects/catalogue.h"
+#include "model/inference/parameters/scaled_parameters.h"
+#include "model/simulator.h"
+
+namespace ferrobench::model::inference {
+
+class WhitenedResiduals {
+ public:
+  virtual ~WhitenedResiduals() = default;
+
+  Eigen::Index size() const { return size_; }
+  int threads() const { return threads_; }
+  int simulations() const { return simulations_; }  // of the whole set
+  const SimulationOptions& simulation() const { return simulation_; }
+  // What may stop it stays.
+  void simulate_by(const SimulationOptions& simulation) {
+    const auto* stop = simulation_.stop;
+    simulation_ = simulation;
+    simulation_.stop = stop;
+  }
+
+  // Measured less simulated. If the model cannot be solved there: rows of 1e6.
+  Eigen::VectorXd evaluate(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const;
+  // At several places at once, spread over the threads.
+  std::vector<Eigen::VectorXd> evaluate(
+      const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const;
+
+  // Whether a change of the residuals comes from a model that could not be solved on one side of it.
+  static bool is_unsolved(const Eigen::VectorXd& change) {
+    return change.cwiseAbs().maxCoeff() > 0.1 * unsolvable;
+  }
+
+  // The shortest and the longest time constant that could show.
+  struct Times {
+    double shortest = 0, longest = 0;  // s
+  };
+  virtual Times times() const = 0;
+  // Frequencies within the range at which a residual's displacement has its strongest tones, phase zero at
+  // each start.
+  virtual std::vector<double> tones(const Eigen::VectorXd& residual, const EffectParameter& range,
+                                    std::size_t count) const = 0;
+  // Where a limit would show, from hardly to plainly; none for what is no limit.
+  virtual std::vector<double> limits(const EffectParameter& parameter) const = 0;
+
+ protected:
+  WhitenedResiduals(SimulationOptions simulation, int threads) : simulation_(simulation), threads_(threads) {}
+  // What is simulated one by one, the dearest first.
+  virtual std::vector<std::size_t> parts() const = 0;
+  struct Wanted {
+    std::size_t place = 0;
+    Setting setting;
+    Eigen::VectorXd* residual = nullptr;
+  };
+  // `alike`: settings that differ in gains only, so that one simulation does for all.
+  virtual void fill(std::span<const Wanted> alike, std::size_t part) const = 0;
+  static constexpr double unsolvable = 1e6;
+  Eigen::Index size_ = 0;
+
+ private:
+  SimulationOptions simulation_;
+  int threads_;
+  mutable std::atomic<int> simulations_{0};
+};
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,57 @@
+#include "model/inference/search/multistart.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "model/inference/common/parallel.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+constexpr int other_starts = 4;
+
+}  // namespace
+
+Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
+                    const MultistartOptions& options) {
+  std::mt19937_64 random(options.seed);
+  std::normal_distribution<double> normal;
+  SolverOptions solver{.iterations = 20, .refreshes = 3, .enough = 5, .roughly = true, .tick = {}};
+  solver.tick = [&] { options.tick("recalibrating the model", 0.03); };
+  Fit best = minimize(coarse, base, prior_mean(base), solver);
+  const double first = best.squares;
+  double least = std::numeric_limits<double>::infinity();
+  solver.iterations = 8;
+  solver.refreshes = 2;
+  std::vector<Eigen::VectorXd> starts(other_starts, prior_mean(base));
+  for (auto& z : starts)
+    for (double& v : z) v = normal(random);
+  std::atomic<int> ended = 0;
+  solver.tick = [&] { options.tick("recalibrating from other starts", 0.1 + 0.15 * ended / other_starts); };
+  std::vector<Fit> others(other_starts);
+  in_parallel(other_starts, coarse.threads(), [&](std::size_t i) {
+    others[i] = minimize(coarse, base, starts[i], solver);
+    ++ended;
+  });
+  for (auto& other : others) {
+    least = std::min(least, other.squares);
+    if (other.squares < 0.98 * best.squares) best = std::move(other);
+  }
+  if (options.roughly_fitted) {
+    options.roughly_fitted(best);
+    solver.roughly = false;
+    best = minimize(coarse, base, best.z, solver);
+  }
+  apply_fidelity_correction(coarse, fine, best);
+  refine(coarse, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
+  if (!std::isfinite(best.squares))
+    throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",
+                Problem{.message = "their difference is not a finite number"});
+  return {std::move(best), 1 + other_starts, (least - first) / first};
+}
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,30 @@
+// The base model recalibrated from the given values and from other starts, drawn from the prior, since the
+// posterior may have several minima.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "model/inference/solver/multifidelity.h"
+
+namespace ferrobench::model::inference {
+
+struct MultistartOptions {
+  std::uint64_t seed = 1;  // of the other starts
+  // Called once the base model stands roughly; changes the residuals (it marginalizes uncertain drives).
+  std::function<void(const Fit&)> roughly_fitted{};
+  std::function<void(const std::string& stage, double fraction)> tick;
+};
+
+struct Multistart {
+  Fit fit;            // refined
+  int starts = 0;     // of the solver
+  double spread = 0;  // sum of squares of the best other start over that of the first, less 1
+};
+
+// Throws Error(numerical) if the residuals at the best minimum are not finite.
+Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
+                    const MultistartOptions& options);
+
+}  // namespace ferrobench::model::inference

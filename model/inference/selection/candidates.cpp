@@ -1,0 +1,44 @@
+#include "model/inference/selection/candidates.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/physics/domains.h"
+
+namespace ferrobench::model::inference {
+
+std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted) {
+  std::vector<const Effect*> out;
+  for (const auto& id : wanted) find_effect(id);
+  for (const auto& effect : effect_catalogue()) {
+    if (!wanted.empty() && std::ranges::find(wanted, effect.id) == wanted.end()) continue;
+    // What the model has already is recalibrated, not found.
+    if (std::ranges::any_of(model.effects, [&](const auto& s) { return s.id == effect.id; })) continue;
+    if (effect.in_base && effect.in_base(model)) continue;
+    try {
+      std::vector<double> values;
+      for (const auto& p : effect.parameters) values.push_back(std::sqrt(p.low * p.high));
+      auto trial = model;
+      Ports ports;
+      effect.install(values, trial, ports);
+    } catch (const Error&) {
+      continue;  // The effect has no meaning for such a model.
+    }
+    out.push_back(&effect);
+  }
+  return out;
+}
+
+bool adds_a_spread(const Model& base, const std::vector<const Effect*>& candidates) {
+  return base.polycrystal.method == PolycrystalMethod::distribution &&
+         std::ranges::any_of(candidates, [&](const Effect* effect) {
+           std::vector<double> values;
+           for (const auto& p : effect->parameters) values.push_back(p.low);
+           auto model = base;
+           Ports ports;
+           effect->install(values, model, ports);
+           return spread_dimensions(model.polycrystal) > spread_dimensions(base.polycrystal);
+         });
+}
+
+}  // namespace ferrobench::model::inference

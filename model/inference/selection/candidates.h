@@ -1,0 +1,20 @@
+// The effects that may be named.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "model/effects/catalogue.h"
+#include "model/model.h"
+
+namespace ferrobench::model::inference {
+
+// Those of the catalogue (of `wanted` if that is not empty) that the model does not have and that have a
+// meaning for it. Throws Error(invalid_params) if one of `wanted` is not in the catalogue.
+std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
+
+// Whether one of them switches a spread of the polycrystal on that the base does not have, so that its
+// domains need a lattice of more dimensions.
+bool adds_a_spread(const Model& base, const std::vector<const Effect*>& candidates);
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,86 @@
+// Every threshold by which `discover` decides, with its reason.
+//
+// A drop is a decrease of the sum of squares of a fit: twice a difference of log-likelihoods. Were
+// simulations exact and noise white and normal, a drop of 15 would be significant. They are not: two programs
+// that solve the same equations well differ by a few parts in ten thousand of what switches.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace ferrobench::model::inference {
+
+struct SelectionOptions {
+  // Detection, by the difference of the Bayesian information criterion (BIC, G. Schwarz 1978) to the base
+  // model.
+  double detection = 60;  // An effect is detected by more than this. What another program's simulations
+                          // of the base model differ by stays below it.
+  double second_detection = 60;  // A second effect must take off as much again.
+  // What an explanation may leave relative to what it explains. Two programs agree to a few parts in 10,000.
+  double relative_remainder = 1e-4;
+  // The noise's level is estimated to a few percent, so mean squares may be off by twice that. A larger
+  // excess over 1 is lack of fit, whatever its cause.
+  double lack_of_fit = 0.2;
+  // A base fit with mean squares above this has made up for what is missing with parameters that are now
+  // wrong, so that local steps from it mislead, and effects are refitted from the parameters as given too.
+  double misled_base = 1.2;
+  // An effect that seems to explain something may only have led the base model to a better minimum. That is
+  // believed if the base model's fit there is better by this share of `detection`.
+  double better_base = 0.2;
+
+  // Screening, by the score test (selection/screening.h).
+  double refit_share_of_detection =
+      0.3;                            // Effects that promise less of `detection` than this are not refitted,
+  double refit_share_of_best = 0.02;  // nor are those that promise less than this of the best one's drop.
+  double testable = 9;  // An effect is called not testable if at its largest plausible size it would change
+                        // the residuals by less than three standard deviations.
+
+  // How much is tried; costs grow with these.
+  std::size_t single_refits = 10;     // effects refitted alone, by the order of the screen
+  std::size_t compared = 3;           // of the best, fitted to the end so that they can be compared
+  std::size_t first_effects = 2;      // of the best, beside which second effects are looked for
+  std::size_t second_effects = 4;     // beside each of these
+  std::size_t checked_pairs = 3;      // of the best pairs, asked whether they are enough
+  std::size_t plausible_refits = 3;   // of all effects from plausible strengths, gone on with
+  std::size_t starts_per_effect = 2;  // starts of one effect that are gone on with after a first step
+  std::size_t starts_in_all = 12;     // likewise, of all effects
+  double abandoned = 2;           // A fit begun is abandoned if its sum of squares is so many times the best.
+  double wild_step = 5;           // A linear guess that moves a parameter by more prior standard deviations
+                                  // than this is not used.
+  std::size_t base_restarts = 2;  // times that everything is asked again from a better base fit
+
+  // Sufficiency: the remainder after an explanation, over the one that is allowed (`allowed_remainder`).
+  double unfinished_remainder =
+      3;  // A fit this far from sufficient is not fitted to the end if its predicted
+  double unfinished_decrease = 10;   // decrease is so many times too small to make that good.
+  double reachable_remainder = 30;   // Further away than this no partner effect is looked for,
+  double hopeless_remainder = 1000;  // and further than this nothing more is tried at all.
+  // Explanations are compared with those near the top: within three times `second_detection`, or within this
+  // share of the best one's drop.
+  double comparable_share = 0.05;
+
+  // A few numbers (a table's cells): they cannot tell two effects apart, and many starts fit them by chance.
+  bool single_effect = false;
+
+  // Probabilities and verdict (selection/verdict.h).
+  // Likelihoods are tempered (raised to 1/12), since residuals of two honest programs are not independent;
+  // the campaign's stated probabilities come true with it.
+  double likelihood_tempering = 12;
+  double confident = 0.9;  // An effect is named if its probability among the explanations is above this.
+  double detection_width = 0.15;  // Width of the logistic rise of the probability at `detection`, relative.
+  double sufficiency_power = 3;   // P(unknown) = x^p / (1 + x^p), x the best remainder over the allowed one.
+  double least_probability = 1e-4;  // Relative to the best; explanations below it are not told.
+  double plausible_margin =
+      1.1;                 // Plausible ranges in the catalogue have one digit, so values may be 10 % out.
+  double equivalent = 20;  // Explanations closer in BIC than this are told as not to be told apart.
+
+  // The experiment that would decide (selection/experiment_design.h).
+  double decisive_odds = 3;          // Expected odds below this are no reason for an experiment.
+  double longest_experiment = 3600;  // s
+  std::size_t experiment_rows = 600;
+
+  // False if a value makes no sense; then `error` says which and why.
+  bool is_valid(std::string* error) const;
+};
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,83 @@
+// The fits behind forward selection: from several starts, from the parameters as given, to the end, and with
+// some effects taken out again.
+#pragma once
+
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "model/inference/search/starts.h"
+#include "model/inference/selection/forward_selection.h"
+#include "model/inference/solver/multifidelity.h"
+
+namespace ferrobench::model::inference {
+
+// An effect, and where its parameters stand at first.
+struct EffectStart {
+  const Effect* effect = nullptr;
+  std::vector<double> values;
+};
+std::vector<EffectStart> starts_for(const Effect& effect, Starts starts);
+
+// Keeps the first `most` trials of each set of effects.
+void keep_of_each(std::vector<Trial>& trials, std::size_t most);
+// Where the parameters of one of a trial's effects stand.
+std::vector<double> effect_values(const Trial& trial, std::size_t which);
+
+class TrialFits {
+ public:
+  // All of them must outlive it.
+  TrialFits(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Fit& base,
+            const SelectionTask& task, const SelectionOptions& options);
+
+  double samples() const { return samples_; }
+  void tick(const std::string& stage, double fraction) const;
+  SolverOptions solver(int refreshes, const std::string& stage, double fraction) const;
+  double allowed(const Trial& t) const { return allowed_remainder(options_, t.drop); }
+  void sort_best_first(std::vector<Trial>& trials) const;
+  bool is_misled(const Fit& fit) const { return fit.squares > options_.misled_base * samples_; }
+  void set_fit(Trial& t, Fit fit) const;
+
+  // `from` with the base parameters as given and effects as they stand. Without an effect that is there the
+  // parameters may have gone far astray, and then what was given is the better start.
+  const Fit& as_given(const Fit& from);
+  // A step from each start, two more from those that are best then, at most so many of each effect. Best
+  // first.
+  std::vector<Trial> begin(const Fit& from, const std::vector<const Effect*>& before,
+                           const std::vector<EffectStart>& starts, std::size_t of_each,
+                           const std::function<void()>& in_between) const;
+  // Adds trials of one more effect on `from` and, if that is misled, of that effect on the parameters as
+  // given; both are only begun then.
+  void refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
+             const Screened& screened, const SolverOptions& solver);
+  // Goes on with those that were only begun, unless they are far worse than the best, and keeps one of each.
+  void finish(std::vector<Trial>& trials, const SolverOptions& solver) const;
+  // The base model from where a trial stands, with one of its effects or none.
+  Fit reduced(const Trial& t, std::optional<std::size_t> kept, const SolverOptions& solver) const;
+  // One effect of a pair without the other.
+  Trial alone(const Trial& pair, std::size_t which) const;
+  // To the end, with the simulations' own error taken out where the fit stands, unless it is plain already
+  // that this is no explanation.
+  void polish(Trial& t, const std::function<void()>& in_between) const;
+  // A better minimum of the base model, if it has one near where the trial led it: what an effect seems to
+  // explain, the base model may explain as well from there.
+  std::optional<Fit> better_base(const Trial& best) const;
+  // Singles that were fitted from the parameters as given.
+  std::set<const Effect*> tried_as_given;
+
+ private:
+  Fit add_effect(const Fit& from, const Screened& screened, const SolverOptions& solver) const;
+  static SolverOptions steps(int count, const std::function<void()>& in_between);
+
+  const WhitenedResiduals& coarse_;
+  WhitenedResiduals& fine_;
+  const Fit& base_;
+  const SelectionTask& task_;
+  const SelectionOptions& options_;
+  double samples_;
+  std::optional<Fit> as_given_;  // of the fit with this sum of squares
+  double as_given_from_ = 0;
+};
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,178 @@
+#include "model/inference/selection/verdict.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace ferrobench::model {
+
+std::span<const std::pair<Verdict, std::string_view>> enum_names(Verdict) {
+  static constexpr std::array<std::pair<Verdict, std::string_view>, 4> names{
+      {{Verdict::named, "named"},
+       {Verdict::ambiguous, "ambiguous"},
+       {Verdict::unknown, "unknown"},
+       {Verdict::nothing_missing, "nothing_missing"}}};
+  return names;
+}
+
+}  // namespace ferrobench::model
+
+namespace ferrobench::model::inference {
+namespace {
+
+// Half of the 90 % interval of a normal distribution, in standard deviations.
+constexpr double interval_90 = 1.645;
+
+double logistic(double x) {
+  return 1 / (1 + std::exp(-x));
+}
+
+// Calls visit(effect, which of its parameters, parameter, z, half of the 90 % interval of z).
+template <class Visit>
+void for_each_parameter(const Trial& trial, const SelectionOptions& options, Visit&& visit) {
+  const auto& h = trial.fit.hypothesis;
+  // A trial that was only begun has no slopes.
+  const bool known = trial.fit.jacobian.cols() == trial.fit.z.size();
+  const Eigen::MatrixXd covariance = known ? Eigen::MatrixXd(trial.fit.normal().inverse())
+                                           : Eigen::MatrixXd::Zero(trial.fit.z.size(), trial.fit.z.size());
+  const double scale = interval_90 * interval_inflation(trial.fit, options);
+  std::size_t i = h.base_count;
+  for (const auto* effect : trial.effects)
+    for (std::size_t which = 0; which < effect->parameters.size(); ++which, ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      visit(*effect, which, h.parameters[i], trial.fit.z[k],
+            scale * std::sqrt(std::max(0.0, covariance(k, k))));
+    }
+}
+
+// By how much the sum of squares rises where each amplitude is held to its plausible range, by the quadratic
+// form of the fit at its minimum: ((nearest plausible value - value) / standard deviation)^2.
+double cost_of_plausible(const Trial& trial, const SelectionOptions& options) {
+  const double about = options.plausible_margin;
+  double cost = 0;
+  for_each_parameter(
+      trial, options,
+      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, double reach) {
+        if (which != 0) return;
+        const auto& p = effect.parameters[which];
+        const double value = std::abs(c.value(z)), nearest = std::clamp(value, p.low / about, p.high * about),
+                     deviation = reach * std::abs(c.slope(z)) /
+                                 (interval_90 * interval_inflation(trial.fit, options));
+        if (value != nearest) cost += std::pow((value - nearest) / deviation, 2);
+      });
+  return cost;
+}
+
+// From 0 to 1 as a drop passes what can be detected.
+double rises_at_detection(const SelectionOptions& options, double drop) {
+  return logistic((drop - options.detection) / (options.detection_width * options.detection));
+}
+
+}  // namespace
+
+ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples) {
+  ModelSelection out;
+  if (!found.detected && has_lack_of_fit(found, options)) {
+    // No effect of the catalogue would help, but this is not noise.
+    out.verdict = Verdict::unknown;
+    out.probability_unknown =
+        found.excess > options.lack_of_fit ? options.confident : rises_at_detection(options, found.left);
+    out.probability_nothing = 1 - out.probability_unknown;
+    return out;
+  }
+  if (found.trials.empty()) {
+    out.probability_nothing = 1;
+    return out;
+  }
+  const double best_any = delta_bic(found.trials.front(), samples);
+  out.probability_nothing = 1 - rises_at_detection(options, best_any);
+  std::vector<const Trial*> enough;
+  double least_left = std::numeric_limits<double>::infinity();
+  for (const auto& t : found.trials) {
+    if (!t.checked) continue;
+    const double ratio = t.left / allowed_remainder(options, t.drop);
+    if (!is_believable(t, options)) {
+      if (ratio < 1 && out.doubted == nullptr) out.doubted = &t;
+      continue;
+    }
+    least_left = std::min(least_left, ratio);
+    if (ratio < 1) enough.push_back(&t);
+  }
+  if (!enough.empty()) out.doubted = nullptr;
+  const double unknown_if_something =
+      logistic(options.sufficiency_power * std::log(std::max(1e-3, least_left)));
+  const double something = 1 - out.probability_nothing;
+  out.probability_unknown = something * unknown_if_something;
+  // Unchecked rivals of the same number of effects count too.
+  const Trial* leader = enough.empty() ? &found.trials.front() : enough.front();
+  const double top = delta_bic(*leader, samples);
+  // No rival counts for more than the leader, which is the one that is added: it stands first among equals.
+  out.trials.emplace_back(leader, 1);
+  double sum = 1;
+  for (const auto& t : found.trials) {
+    if (&t == leader || t.effects.size() > leader->effects.size()) continue;
+    if (t.checked && t.left > allowed_remainder(options, t.drop)) continue;
+    // A trial that is not believable as it was fitted is never added, but it remains a rival at a plausible
+    // size.
+    const double plausible = delta_bic(t, samples) - cost_of_plausible(t, options);
+    const double w = std::exp(std::min(0.0, (plausible - top) / (2 * options.likelihood_tempering)));
+    if (w < options.least_probability) continue;
+    out.trials.emplace_back(&t, w);
+    sum += w;
+  }
+  for (auto& [t, w] : out.trials) w *= something * (1 - unknown_if_something) / sum;
+  std::ranges::stable_sort(out.trials, std::greater<>(), [](const auto& p) { return p.second; });
+  if (!found.detected || out.probability_nothing > 0.5) {
+    out.verdict = Verdict::nothing_missing;
+  } else if (enough.empty()) {
+    out.verdict = Verdict::unknown;
+  } else {
+    const double named = out.trials.front().second / (something * (1 - unknown_if_something));
+    out.verdict = named > options.confident ? Verdict::named : Verdict::ambiguous;
+  }
+  return out;
+}
+
+double interval_inflation(const Fit& fit, const SelectionOptions& options) {
+  const auto rows = static_cast<double>(std::max<Eigen::Index>(1, fit.residual.size()));
+  return std::sqrt(options.likelihood_tempering * std::max(1.0, fit.residual.squaredNorm() / rows));
+}
+
+std::vector<EffectEstimate> effect_estimates(const Trial& trial, const SelectionOptions& options) {
+  std::vector<EffectEstimate> out;
+  for_each_parameter(
+      trial, options,
+      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, double reach) {
+        if (which == 0) out.push_back({.id = std::string(effect.id), .parameters = {}});
+        const double a = c.value(std::max(c.low, z - reach)), b = c.value(std::min(c.high, z + reach));
+        out.back().parameters.push_back(
+            {std::string(effect.parameters[which].name), c.value(z), std::min(a, b), std::max(a, b)});
+      });
+  return out;
+}
+
+bool is_believable(const Trial& trial, const SelectionOptions& options) {
+  const double about = options.plausible_margin;
+  bool out = true;
+  for_each_parameter(
+      trial, options,
+      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, double reach) {
+        const auto& p = effect.parameters[which];
+        const double value = std::abs(c.value(z));
+        if (which == 0) {
+          out = out && value > p.low / about && value < p.high * about;
+          // On a logarithmic scale nothing ever vanishes; there an interval that is as wide as the value and
+          // reaches the weak end counts as reaching nothing.
+          const bool to_the_end = (p.off_at_infinity ? z + reach >= c.high : z - reach <= c.low);
+          if (reach * std::abs(c.slope(z)) >= value && (!c.logarithmic || to_the_end)) out = false;
+        } else {
+          const double a = std::abs(c.value(std::max(c.low, z - reach))),
+                       b = std::abs(c.value(std::min(c.high, z + reach)));
+          out = out && std::min(a, b) < p.high * about && std::max(a, b) > p.low / about;
+        }
+      });
+  return out;
+}
+
+}  // namespace ferrobench::model::inference

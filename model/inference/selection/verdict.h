@@ -1,0 +1,39 @@
+// From trials to a verdict with probabilities.
+//
+// With delta_i the difference of BIC of trial i to the base model, its weight among the sufficient
+// explanations is the tempered likelihood ratio exp((delta_i - delta_best) / (2 T)) (Kass and Raftery, J. Am.
+// Stat. Assoc. 90 (1995) 773, for T = 1). T, `likelihood_tempering`, is an assumption; how often stated
+// probabilities come true is what tests/campaign measures.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "model/inference/selection/explanation.h"
+#include "model/inference/selection/trial.h"
+
+namespace ferrobench::model::inference {
+
+struct ModelSelection {
+  Verdict verdict = Verdict::nothing_missing;
+  // The best trial that would be sufficient, were it to be believed; null if another is sufficient.
+  const Trial* doubted = nullptr;
+  std::vector<std::pair<const Trial*, double>> trials;  // with probability, best first
+  double probability_unknown = 0, probability_nothing = 0;
+};
+
+// What it returns refers to `found`.
+ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples);
+
+// The factor by which standard deviations are wider than noise alone has it: for what noise does not explain
+// (the root of the mean squares), and for the tempering of the likelihood.
+double interval_inflation(const Fit& fit, const SelectionOptions& options);
+
+// 90 % intervals of the parameters of a trial's effects.
+std::vector<EffectEstimate> effect_estimates(const Trial& trial, const SelectionOptions& options);
+
+// Whether each effect of a trial is of a plausible size and shape, and is more than nothing: its interval
+// does not reach to where the effect vanishes. An effect that is not is never added, however well it fits.
+bool is_believable(const Trial& trial, const SelectionOptions& options);
+
+}  // namespace ferrobench::model::inference

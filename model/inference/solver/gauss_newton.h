@@ -1,0 +1,60 @@
+// The maximum of a hypothesis' posterior: least squares of whitened residuals r and of what is known
+// beforehand,
+//
+//   min over z of |r(z)|^2 + sum over parameters with a prior of z_i^2         ( = -2 ln posterior +
+//   constant)
+//
+// by Levenberg-Marquardt (Nocedal and Wright, Numerical Optimization, ch. 10). A Jacobian costs two
+// simulations a parameter, so it is made once and kept up by Broyden's rank-one updates until it no longer
+// helps. Steps bend as the valley does (geodesic acceleration: Transtrum and Sethna, arXiv:1201.5885): with J
+// the slopes and K the second derivative along a step s, both measured on either side of the fit,
+//
+//   z(t) = z + t s - t^2 (J^T J + damping)^-1 J^T K / 2,   with the t where |r + t J s + t^2 ...|^2 is least
+#pragma once
+
+#include <Eigen/Dense>
+#include <functional>
+
+#include "model/inference/residuals/whitened_residuals.h"
+
+namespace ferrobench::model::inference {
+
+struct Fit {
+  Hypothesis hypothesis;
+  Eigen::VectorXd z;
+  Eigen::VectorXd residual;  // whitened, at z, with the fidelity correction
+  // What a finer simulation gives less what the residuals' own gives, near z. It is added to every residual;
+  // empty: there is none (solver/multifidelity.h).
+  Eigen::VectorXd fidelity_correction;
+  Eigen::MatrixXd jacobian;  // of the residual, at or near z
+  double squares = 0;        // of residual and priors
+  bool fresh = false;        // the Jacobian was made at z
+
+  Eigen::MatrixXd normal() const;     // J^T J and the priors' precision: the information matrix
+  Eigen::VectorXd gradient() const;   // half of that of `squares`
+  double predicted_decrease() const;  // of `squares` by a full Gauss-Newton step, were the residual linear
+  Eigen::VectorXd corrected(Eigen::VectorXd simulated) const;
+};
+
+// Sum of z_i^2 over the parameters that have a prior.
+double prior_squares(const Hypothesis& hypothesis, const Eigen::VectorXd& z);
+
+struct SolverOptions {
+  int iterations = 12;
+  int refreshes = 2;  // of the Jacobian, at most
+  // A step that gains less than this of the sum of squares, or less than 1e-4 of what was gained before, ends
+  // the solution if no more than ten times that is predicted.
+  double enough = 0.5;
+  bool roughly = false;   // one-sided differences at half the cost, for where minima are only looked for
+  double damping = 1e-3;  // of the first step, relative to the diagonal; falls where steps keep their promise
+  std::function<void()> tick;  // called after each round of simulations; may throw
+};
+
+// The minimum from z on. `warm_start`, if not null, is a fit whose fidelity correction is used and whose
+// Jacobian is known to hold for the first columns.
+Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+             const SolverOptions& options, const Fit* warm_start = nullptr);
+// Makes the Jacobian anew at the fit's z; `roughly` as in SolverOptions.
+void refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit, bool roughly = false);
+
+}  // namespace ferrobench::model::inference

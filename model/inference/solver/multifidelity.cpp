@@ -1,0 +1,96 @@
+#include "model/inference/solver/multifidelity.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ferrobench::model::inference {
+namespace {
+
+// A verdict does not notice a change of the sum of squares of this size, where 60 count as a detection.
+constexpr double unnoticed = 12;
+// The coarse simulation may differ from the fine one by this share of the noise, since the correction takes
+// most of the difference out.
+constexpr double coarse_error = 0.8;
+// The last steps of a refinement are taken by a simulation with this part of the fine one's nodes.
+constexpr int coarsening = 8;
+constexpr int most_rounds = 4;
+// Damping that lets directions that only priors hold go all the way.
+constexpr double hardly_damped = 1e-7;
+// Where the sum of squares is so many times the number of residuals, the hypothesis is no explanation, and
+// the last steps do not change that.
+constexpr double too_far_for_last_steps = 1.3;
+
+}  // namespace
+
+double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
+                         int most_domains) {
+  const auto z = prior_mean(base);
+  const auto [exact, error] = converge_fine_fidelity(fine, base, z, most_domains);
+  // Of the nodes that are to serve every spread, the base has a third.
+  const bool every_spread = fine.simulation().every_spread;
+  for (const int count : {250, 500, 1000, 2000, 4000}) {
+    coarse.simulate_by(
+        {.tolerance = 1e-5, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
+    if ((coarse.evaluate(base, z) - exact).norm() <
+        coarse_error * std::sqrt(static_cast<double>(exact.size())))
+      break;
+  }
+  return error;
+}
+
+ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
+                                         const Eigen::VectorXd& z, int most_domains) {
+  auto simulation = fine.simulation();
+  for (;; simulation.domains *= 2) {
+    fine.simulate_by(simulation);
+    auto residual = fine.evaluate(hypothesis, z);
+    // The errors of the two lattices are independent, so each has half of the squares.
+    auto other = simulation;
+    other.shift = 3;
+    fine.simulate_by(other);
+    const double squares = (fine.evaluate(hypothesis, z) - residual).squaredNorm() / 2;
+    fine.simulate_by(simulation);
+    if (squares < unnoticed || 2 * simulation.domains > most_domains)
+      return {std::move(residual),
+              std::sqrt(squares / static_cast<double>(std::max<Eigen::Index>(1, fine.size())))};
+  }
+}
+
+void apply_fidelity_correction(const WhitenedResiduals& coarse, Eigen::VectorXd exact, Fit& fit) {
+  fit.fidelity_correction = exact - coarse.evaluate(fit.hypothesis, fit.z);
+  fit.residual = std::move(exact);
+  fit.squares = fit.residual.squaredNorm() + prior_squares(fit.hypothesis, fit.z);
+}
+
+void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit) {
+  apply_fidelity_correction(coarse, fine.evaluate(fit.hypothesis, fit.z), fit);
+}
+
+void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
+            const std::function<void()>& tick) {
+  f = minimize(coarse, f.hypothesis, f.z,
+               {.iterations = 12, .refreshes = 2, .enough = 1, .damping = hardly_damped, .tick = tick}, &f);
+  apply_fidelity_correction(coarse, fine, f);
+  refresh_jacobian(coarse, f);
+  if (f.squares > too_far_for_last_steps * static_cast<double>(coarse.size())) return;
+  // The last steps by a simulation in between, with the coarse one's slopes and what they learn on the way.
+  const auto finest = fine.simulation();
+  auto between = finest;
+  between.domains = std::max(coarse.simulation().domains, finest.domains / coarsening);
+  for (int round = 0; round < most_rounds; ++round) {
+    auto next = f;
+    fine.simulate_by(between);
+    apply_fidelity_correction(fine, f.residual, next);
+    next = minimize(fine, next.hypothesis, next.z,
+                    {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = hardly_damped, .tick = tick},
+                    &next);
+    fine.simulate_by(finest);
+    apply_fidelity_correction(coarse, fine, next);
+    const double gain = f.squares - next.squares;
+    if (gain > 0) f = std::move(next);
+    if (gain < 5) break;
+    refresh_jacobian(coarse, f);
+  }
+}
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,196 @@
+#include "model/inference/study/discover.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <set>
+
+#include "model/inference/dataset/held_out.h"
+#include "model/inference/selection/candidates.h"
+#include "model/inference/selection/experiment_design.h"
+#include "model/inference/selection/leave_one_out.h"
+#include "model/inference/selection/residual_basis.h"
+#include "model/inference/solver/multifidelity.h"
+#include "model/inference/study/validation.h"
+#include "model/inference/study/workflow.h"
+#include "recordings/analysis/skew.h"
+
+namespace ferrobench::model {
+namespace inference {
+namespace {
+
+// Rows of all recordings together: as many as say more than they cost.
+constexpr std::size_t rows_together = 40000;
+// The fine simulation begins with these nodes, and ends with so many as make its error unnoticeable.
+constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
+constexpr int most_domains = 16000;
+
+using Clock = std::chrono::steady_clock;
+
+struct Session {
+  explicit Session(const DiscoverOptions& given) : options(given) {}
+  const DiscoverOptions& options;
+  Ticker tick = ticker(options);
+  int threads = threads_of(options);
+  Clock::time_point begin = Clock::now();
+  Discovery out;
+  std::vector<BenchRecording> bench;
+  std::vector<std::vector<NoiseModel>> noise;
+  std::vector<std::size_t> train, held_out;
+};
+
+void split(Session& s, const std::vector<bool>& held) {
+  s.train.clear();
+  s.held_out.clear();
+  for (std::size_t i = 0; i < s.bench.size(); ++i) {
+    (held[i] ? s.held_out : s.train).push_back(i);
+    (held[i] ? s.out.held_out : s.out.train).recordings.push_back(s.bench[i].name);
+  }
+}
+
+std::vector<bool> held_out_by(const Session& s) {
+  const auto& wanted = s.options.held_out;
+  if (wanted.empty()) return choose_held_out(s.bench);
+  std::vector<std::string> names;
+  for (const auto& r : s.bench) names.push_back(r.name);
+  check_held_out(wanted, names);
+  std::vector<bool> held;
+  held.reserve(names.size());
+  for (const auto& name : names) held.push_back(std::ranges::find(wanted, name) != wanted.end());
+  return held;
+}
+
+std::string names_of(const Session& s, const std::set<std::size_t>& recordings) {
+  std::string out;
+  for (const auto i : recordings) out += (out.empty() ? "" : ", ") + s.bench[i].name;
+  return out;
+}
+
+LeaveOneOut leave_one_out(const WhitenedRecordings& coarse, const std::vector<double>& base,
+                          const Fit& with) {
+  LeaveOneOut out{.recordings = base.size()};
+  const auto squares = leave_one_out_squares(coarse, with);
+  for (std::size_t i = 0; i < base.size(); ++i) {
+    out.gain += base[i] - squares[i];
+    out.better += squares[i] < base[i] ? 1 : 0;
+  }
+  return out;
+}
+
+// The workflow for one choice of what is held out. Returns the held-out recordings that the recalibrated base
+// does not explain.
+std::set<std::size_t> train_and_validate(Session& s, const Model& base,
+                                         const std::vector<const Effect*>& candidates) {
+  const auto hypothesis = base_hypothesis(base, s.bench);
+  auto fine_options = stoppable(fine_simulation, s.options);
+  fine_options.every_spread = adds_a_spread(base, candidates);
+  WhitenedRecordings coarse(s.bench, s.noise, s.train, stoppable({}, s.options), s.threads);
+  WhitenedRecordings fine(s.bench, s.noise, s.train, fine_options, s.threads);
+  s.tick("choosing how finely to simulate", 0.01);
+  s.out.health.numerical_error_over_noise = choose_fidelities(coarse, fine, hypothesis, most_domains);
+  const auto found = run_workflow(
+      coarse, fine, hypothesis,
+      {.candidates = candidates,
+       .seed = s.options.seed,
+       .most_domains = most_domains,
+       .selection = s.options.selection,
+       .roughly_fitted =
+           [&](const Fit& f) {
+             coarse.marginalize_drive(f.hypothesis, f.z);
+             fine.marginalize_as(coarse);
+           },
+       .beyond_effects = [&](const Fit& f) { return fit_residual_basis(coarse, f).beyond_chance; },
+       .tick = s.tick},
+      s.out.health);
+
+  auto& out = s.out;
+  summarize(found, s.options.selection, out);
+  const Fit &fitted = found.base, &after = found.after();
+  if (s.train.size() > 1 && !out.explanations.empty()) {
+    const auto without = leave_one_out_squares(coarse, fitted);
+    for (std::size_t i = 0; i < out.explanations.size(); ++i)
+      out.explanations[i].leave_one_out =
+          leave_one_out(coarse, without, found.selection.trials[i].first->fit);
+  }
+  if (out.verdict == Verdict::unknown) {
+    const auto explained = fit_residual_basis(coarse, fitted);
+    out.family = explained.family;
+    out.signals = reconstruct_signals(coarse, fitted, explained);
+  }
+  if (const auto& rivals = found.selection.trials; out.verdict == Verdict::ambiguous && rivals.size() > 1) {
+    s.tick("looking for the experiment that would decide", 0.91);
+    out.next_experiment =
+        choose_experiment(coarse, s.noise, rivals[0].first->fit, rivals[1].first->fit, s.options.selection);
+  }
+  s.tick("the proof", 0.95);
+  std::set<std::size_t> unexplained_locked;
+  const bool added = found.best != nullptr;
+  const auto before_it = predict(fine, coarse, fitted),
+             after_it = added ? predict(fine, coarse, after) : before_it;
+  out.where = excess_by_segment_class(fine, before_it.standardized);
+  out.train.before = rms_by_channel(fine, before_it.standardized);
+  out.train.after = rms_by_channel(fine, after_it.standardized);
+  if (!s.held_out.empty()) {
+    const WhitenedRecordings locked(s.bench, s.noise, s.held_out, fine.simulation(), s.threads);
+    const WhitenedRecordings locked_coarse(s.bench, s.noise, s.held_out, coarse.simulation(), s.threads);
+    const auto locked_before = predict(locked, locked_coarse, fitted),
+               locked_after = added ? predict(locked, locked_coarse, after) : locked_before;
+    unexplained_locked = unexplained(locked, locked_before.standardized, s.options.selection);
+    out.held_out.before = rms_by_channel(locked, locked_before.standardized);
+    out.held_out.after = rms_by_channel(locked, locked_after.standardized);
+    out.traces = traces(locked, locked_before, locked_after, 2, true);
+  }
+  for (auto& t : traces(fine, before_it, after_it, 4, false)) out.traces.push_back(std::move(t));
+  out.health.simulations += coarse.simulations();
+  return unexplained_locked;
+}
+
+}  // namespace
+}  // namespace inference
+
+Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
+                   const DiscoverOptions& options) {
+  using namespace inference;
+  check_selection(options.selection);
+  Session s(options);
+  s.tick("reading the recordings", 0);
+  const auto candidates = candidates_of(base, options.candidates);
+  for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
+  s.bench =
+      prepare_bench(base, recordings, rows_together, s.out.health.warnings, stoppable({}, options).stop);
+  recordings.clear();
+  s.noise = estimate_noise(s.bench, s.out.health.warnings);
+  for (std::size_t r = 0; r < s.bench.size(); ++r)
+    for (std::size_t c = 0; c < s.bench[r].channels.size(); ++c) {
+      auto& n = s.out.health.noise[s.bench[r].channels[c].channel];
+      if (s.noise[r][c].std() > n.std)
+        n = {s.noise[r][c].std(), s.noise[r][c].slow > 0, s.noise[r][c].correlation_time};
+    }
+
+  const auto as_read = s.out;
+  split(s, held_out_by(s));
+  auto unexplained_locked = train_and_validate(s, base, candidates);
+  if (s.out.verdict == Verdict::nothing_missing && !unexplained_locked.empty() && options.held_out.empty()) {
+    // What is missing shows in those alone, so they are learned from, and others are held out.
+    const int simulations = s.out.health.simulations;
+    s.out = as_read;
+    s.out.health.simulations = simulations;
+    s.out.health.warnings.push_back("What the others do not show was found in " +
+                                    names_of(s, unexplained_locked) +
+                                    ", locked away at first: learned from, and others locked away instead.");
+    const auto tick = s.tick;
+    s.tick = [tick](const std::string& stage, double f) { tick(stage, 0.95 + 0.05 * f); };
+    split(s, choose_held_out(s.bench, unexplained_locked));
+    unexplained_locked = train_and_validate(s, base, candidates);
+  }
+  auto& out = s.out;
+  if (out.verdict == Verdict::nothing_missing && !unexplained_locked.empty())
+    out.health.warnings.push_back("What was locked away is not explained in " +
+                                  names_of(s, unexplained_locked) +
+                                  ": something may be missing that shows only there.");
+  out.health.seconds = std::chrono::duration<double>(Clock::now() - s.begin).count();
+  s.tick("done", 1);
+  return std::move(s.out);
+}
+
+}  // namespace ferrobench::model

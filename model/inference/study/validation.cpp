@@ -1,0 +1,142 @@
+#include "model/inference/study/validation.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "model/inference/common/parallel.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+constexpr std::size_t fewest_rows = 15;  // in a class of segment, for a figure of it
+constexpr int rounds = 3;                // of relinearization, after which a drive has settled
+
+struct Squares {
+  double sum = 0;
+  std::size_t count = 0;
+  void add(double e) {
+    if (std::isnan(e)) return;
+    sum += e * e;
+    ++count;
+  }
+  double mean() const { return sum / static_cast<double>(count); }
+};
+
+}  // namespace
+
+Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse, const Fit& fit) {
+  const auto& chosen = fine.chosen();
+  Prediction out{.simulated = Signals(chosen.size()), .standardized = Signals(chosen.size())};
+  in_parallel(chosen.size(), fine.threads(), [&](std::size_t i) {
+    out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i]);
+    const auto& r = fine.bench()[chosen[i]];
+    Eigen::VectorXd normals = Eigen::VectorXd::Zero(r.knot_error.cols());
+    for (int round = 0; round < rounds && !r.level_of.empty(); ++round) {
+      normals = coarse.posterior_drive(fit.hypothesis, fit.z, i, normals, out.simulated[i]);
+      const auto drive = r.with_knots_moved(r.knot_error * normals);
+      out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i], &drive);
+    }
+    for (std::size_t c = 0; c < out.simulated[i].size(); ++c)
+      out.standardized[i].push_back(fine.plain_residual(chosen[i], c, out.simulated[i][c]));
+  });
+  return out;
+}
+
+ChannelFigures rms_by_channel(const WhitenedRecordings& residuals, const Signals& standardized) {
+  std::map<recordings::Channel, Squares> squares;
+  for (std::size_t i = 0; i < standardized.size(); ++i)
+    for (std::size_t c = 0; c < standardized[i].size(); ++c)
+      for (const double e : standardized[i][c])
+        squares[residuals.bench()[residuals.chosen()[i]].channels[c].channel].add(e);
+  ChannelFigures out;
+  for (const auto& [channel, s] : squares)
+    if (s.count > 0) out[channel] = std::sqrt(s.mean());
+  return out;
+}
+
+std::set<std::size_t> unexplained(const WhitenedRecordings& residuals, const Signals& standardized,
+                                  const SelectionOptions& options) {
+  std::set<std::size_t> out;
+  for (std::size_t i = 0; i < standardized.size(); ++i)
+    for (const auto& channel : standardized[i]) {
+      Squares squares;
+      for (const double e : channel) squares.add(e);
+      if (squares.count > 0 && squares.mean() > 1 + options.lack_of_fit) out.insert(residuals.chosen()[i]);
+    }
+  return out;
+}
+
+std::vector<Excess> excess_by_segment_class(const WhitenedRecordings& residuals,
+                                            const Signals& standardized) {
+  std::vector<Excess> out;
+  for (std::size_t i = 0; i < standardized.size(); ++i) {
+    const auto& r = residuals.bench()[residuals.chosen()[i]];
+    for (std::size_t c = 0; c < standardized[i].size(); ++c) {
+      std::array<Squares, segment_class_count> squares{};
+      for (std::size_t row = 0; row < r.time.size(); ++row)
+        squares.at(static_cast<std::size_t>(r.segment_class[row])).add(standardized[i][c][row]);
+      for (std::size_t s = 0; s < segment_class_count; ++s)
+        if (squares.at(s).count >= fewest_rows)
+          out.push_back({r.name, r.channels[c].channel,
+                         std::string(segment_class_name(static_cast<SegmentClass>(s))),
+                         std::sqrt(squares.at(s).mean())});
+    }
+  }
+  std::ranges::stable_sort(out, std::greater<>(), &Excess::excess);
+  return out;
+}
+
+std::vector<Trace> traces(const WhitenedRecordings& residuals, const Prediction& before,
+                          const Prediction& after, std::size_t count, bool held_out) {
+  struct Place {
+    std::size_t position = 0, channel = 0;
+    double gained = 0;
+  };
+  std::vector<Place> places;
+  for (std::size_t i = 0; i < before.standardized.size(); ++i)
+    for (std::size_t c = 0; c < before.standardized[i].size(); ++c) {
+      const auto &a = before.standardized[i][c], &b = after.standardized[i][c];
+      double gained = 0;
+      for (std::size_t row = 0; row < a.size(); ++row)
+        if (!std::isnan(a[row])) gained += a[row] * a[row] - b[row] * b[row];
+      places.push_back({i, c, gained});
+    }
+  std::ranges::stable_sort(places, std::greater<>(), &Place::gained);
+  std::vector<Trace> out;
+  for (const auto& p : places) {
+    if (out.size() == count) break;
+    const auto& r = residuals.bench()[residuals.chosen()[p.position]];
+    const auto& a = before.standardized[p.position][p.channel];
+    // The window of a sixth of the recording in which the base model misses most.
+    const std::size_t n = r.time.size(), width = std::max<std::size_t>(std::min<std::size_t>(n, 60), n / 6);
+    double sum = 0, most = -1;
+    std::size_t begin = 0;
+    for (std::size_t row = 0; row < n; ++row) {
+      sum += std::isnan(a[row]) ? 0 : a[row] * a[row];
+      if (row >= width) sum -= std::isnan(a[row - width]) ? 0 : a[row - width] * a[row - width];
+      if (row + 1 >= width && sum > most) {
+        most = sum;
+        begin = row + 1 - width;
+      }
+    }
+    Trace t{.recording = r.name,
+            .channel = r.channels[p.channel].channel,
+            .segment = std::string(segment_class_name(r.segment_class[begin + width / 2])),
+            .held_out = held_out,
+            .time = {},
+            .measured = {},
+            .before = {},
+            .after = {}};
+    for (std::size_t row = begin; row < begin + width; ++row) {
+      t.time.push_back(r.time[row]);
+      t.measured.push_back(r.channels[p.channel].value[row]);
+      t.before.push_back(before.simulated[p.position][p.channel][row]);
+      t.after.push_back(after.simulated[p.position][p.channel][row]);
+    }
+    out.push_back(std::move(t));
+  }
+  return out;
+}
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,36 @@
+// Where a fit and the recordings disagree, and by how much, as a laboratory would look at it: residuals in
+// standard deviations of the noise, not whitened, with offsets taken out.
+#pragma once
+
+#include <set>
+#include <vector>
+
+#include "model/inference/residuals/whitened_recordings.h"
+#include "model/inference/selection/selection_options.h"
+#include "model/inference/solver/gauss_newton.h"
+#include "model/inference/study/discover.h"
+
+namespace ferrobench::model::inference {
+
+// By recording (in the order of residuals.chosen()), channel and row.
+using Signals = std::vector<std::vector<std::vector<double>>>;
+struct Prediction {
+  Signals simulated;     // SI
+  Signals standardized;  // measured less simulated, over noise; NaN where not measured
+};
+// By the fine simulation. Drives that were read from a measured field are put where the channels want them,
+// as far as the field's noise allows; the coarse residuals of the same recordings make the slopes for that.
+Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse, const Fit& fit);
+
+ChannelFigures rms_by_channel(const WhitenedRecordings& residuals, const Signals& standardized);
+// Recordings (indices in the bench) with a channel that shows lack of fit.
+std::set<std::size_t> unexplained(const WhitenedRecordings& residuals, const Signals& standardized,
+                                  const SelectionOptions& options);
+// By recording, channel and class of segment; worst first.
+std::vector<Excess> excess_by_segment_class(const WhitenedRecordings& residuals, const Signals& standardized);
+
+// The segments in which an explanation took away most, at most `count`, one for each channel and recording.
+std::vector<Trace> traces(const WhitenedRecordings& residuals, const Prediction& before,
+                          const Prediction& after, std::size_t count, bool held_out);
+
+}  // namespace ferrobench::model::inference

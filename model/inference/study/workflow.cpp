@@ -1,0 +1,166 @@
+#include "model/inference/study/workflow.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "model/inference/search/multistart.h"
+#include "model/inference/selection/forward_selection.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+// The simulations' own error, in standard deviations of the noise, that a report warns of.
+constexpr double noticeable_error = 0.05;
+
+std::map<std::string, Recalibration> recalibrations(const Fit& fit, const SelectionOptions& options) {
+  const Eigen::MatrixXd covariance = fit.normal().inverse();
+  std::map<std::string, Recalibration> out;
+  for (std::size_t i = 0; i < fit.hypothesis.base_count; ++i) {
+    const auto& c = fit.hypothesis.parameters[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    out[c.path] = {c.from, c.value(fit.z[k]),
+                   interval_inflation(fit, options) * std::abs(c.slope(fit.z[k])) *
+                       std::sqrt(std::max(0.0, covariance(k, k)))};
+  }
+  return out;
+}
+
+Model model_at(const Fit& fit, const std::string& note) {
+  auto out = setting_at(fit.hypothesis, fit.z).model;
+  out.notes += (out.notes.empty() ? "" : " ") + note;
+  return out;
+}
+
+void detectable(Discovery& out, const WorkflowResult& s, const SelectionOptions& options) {
+  for (const auto& c : s.forward.screened) {
+    const bool named = std::ranges::any_of(out.explanations, [&](const Explanation& e) {
+      return std::ranges::any_of(e.effects,
+                                 [&](const auto& estimate) { return estimate.id == c.effect->id; });
+    });
+    if (c.excited < options.testable && !named) {
+      out.not_testable.emplace_back(c.effect->id);
+      continue;
+    }
+    if (c.across <= 0) continue;
+    const auto& p = c.effect->parameters.front();
+    const Amplitude amplitude(p);
+    out.smallest_detectable[std::string(c.effect->id)][std::string(p.name)] = amplitude.value(
+        c.strength * std::sqrt((options.detection + bic_penalty({c.effect}, s.samples)) / c.across));
+  }
+}
+
+// Explanations that these recordings cannot tell apart.
+void equivalences(Discovery& out, const ForwardSelection& forward, double samples,
+                  const SelectionOptions& options) {
+  if (forward.trials.empty()) return;
+  const auto& best = forward.trials.front();
+  std::vector<std::string> group;
+  for (const auto& t : forward.trials)
+    if (t.effects.size() == 1 && best.effects.size() == 1 &&
+        delta_bic(t, samples) > delta_bic(best, samples) - options.equivalent)
+      group.emplace_back(t.effects[0]->id);
+  if (group.size() > 1) out.equivalent.emplace_back(std::move(group));
+}
+
+}  // namespace
+
+int threads_of(const DiscoverOptions& options) {
+  return options.threads > 0 ? options.threads
+                             : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
+SimulationOptions stoppable(SimulationOptions simulation, const DiscoverOptions& options) {
+  if (options.stop) simulation.stop = &options.stop;
+  return simulation;
+}
+
+Ticker ticker(const DiscoverOptions& options) {
+  return [&options, one = std::make_shared<std::mutex>()](const std::string& stage, double fraction) {
+    const std::scoped_lock lock(*one);
+    if (options.progress && !options.progress({stage, fraction}))
+      throw Error(ErrorCode::cancelled, "the search was stopped");
+  };
+}
+
+void check_held_out(const std::vector<std::string>& wanted, const std::vector<std::string>& names) {
+  for (const auto& name : wanted)
+    if (std::ranges::find(names, name) == names.end())
+      throw Error(
+          ErrorCode::invalid_params, "\"" + name + "\" cannot be held out",
+          Problem{.path = "/held_out", .message = "is not among them", .given = name, .allowed = names});
+  if (std::ranges::all_of(names, [&](const auto& n) { return std::ranges::find(wanted, n) != wanted.end(); }))
+    throw Error(ErrorCode::invalid_params, "everything is held out: there is nothing to learn from");
+}
+
+void check_selection(const SelectionOptions& options) {
+  std::string problem;
+  if (!options.is_valid(&problem))
+    throw Error(ErrorCode::invalid_params, "the thresholds of the selection make no sense",
+                Problem{.path = "/selection", .message = problem});
+}
+
+WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
+                            const WorkflowOptions& options, Health& health) {
+  const auto& selection = options.selection;
+  WorkflowResult out;
+  out.samples = static_cast<double>(coarse.size());
+  auto recalibrated =
+      fit_base(coarse, fine, base,
+               {.seed = options.seed, .roughly_fitted = options.roughly_fitted, .tick = options.tick});
+  health.starts = recalibrated.starts;
+  health.start_spread = recalibrated.spread;
+  out.base = std::move(recalibrated.fit);
+  double begun = 0.3;
+  for (std::size_t again = 0; again <= selection.base_restarts; ++again) {
+    out.forward = select_forward(
+        coarse, fine, out.base,
+        {.candidates = options.candidates,
+         .most_domains = options.most_domains,
+         .doubt_base = again < selection.base_restarts,
+         .beyond_effects = options.beyond_effects,
+         .tick = [&](const std::string& stage, double f) { options.tick(stage, begun + (0.9 - begun) * f); }},
+        selection);
+    if (!out.forward.better_base) break;
+    out.base = *std::move(out.forward.better_base);
+    begun += 0.5 * (0.9 - begun);
+  }
+  out.selection = select_model(out.forward, selection, out.samples);
+  const auto verdict = out.selection.verdict;
+  if (verdict == Verdict::named || verdict == Verdict::ambiguous)
+    out.best = out.selection.trials.front().first;
+  for (const auto& [trial, probability] : out.selection.trials)
+    health.numerical_error_over_noise = std::max(health.numerical_error_over_noise, trial->numerical_error);
+  if (health.numerical_error_over_noise > noticeable_error)
+    health.warnings.emplace_back(
+        "The noise is so low that the simulations' own error shows in the residuals.");
+  return out;
+}
+
+void summarize(const WorkflowResult& s, const SelectionOptions& options, Discovery& out) {
+  out.verdict = s.selection.verdict;
+  out.probability_unknown = s.selection.probability_unknown;
+  out.probability_nothing = s.selection.probability_nothing;
+  if (out.verdict != Verdict::nothing_missing)
+    for (const auto& [trial, probability] : s.selection.trials)
+      out.explanations.push_back({effect_estimates(*trial, options), probability, {}});
+  if (out.verdict == Verdict::unknown && s.selection.doubted != nullptr)
+    out.doubted = effect_estimates(*s.selection.doubted, options);
+  if (s.best != nullptr) out.family = s.best->effects.front()->family;
+  out.recalibrated = recalibrations(s.after(), options);
+  out.recalibrated_base = model_at(s.base, "Recalibrated.");
+  out.improved = s.best != nullptr ? model_at(s.best->fit, "Recalibrated, with what was found missing.")
+                                   : out.recalibrated_base;
+  detectable(out, s, options);
+  equivalences(out, s.forward, s.samples, options);
+  for (const auto& t : s.forward.trials) {
+    if (!t.checked || (s.best != nullptr && &t != s.best)) continue;
+    out.health.largest_left = t.left;
+    out.health.allowed_left = allowed_remainder(options, t.drop);
+    break;
+  }
+}
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,56 @@
+// What `discover` does for recordings and for published tables alike, from residuals to a judged explanation:
+// recalibration of the base model, forward selection of effects, verdict.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "model/inference/selection/verdict.h"
+#include "model/inference/study/discover.h"
+
+namespace ferrobench::model::inference {
+
+// The following hold for as long as `options`.
+int threads_of(const DiscoverOptions& options);
+SimulationOptions stoppable(SimulationOptions simulation, const DiscoverOptions& options);
+// Reports progress; throws Error(cancelled) if that is wanted.
+using Ticker = std::function<void(const std::string& stage, double fraction)>;
+Ticker ticker(const DiscoverOptions& options);
+
+// Throws Error(invalid_params) unless all of `wanted` are among `names`, and not all of these.
+void check_held_out(const std::vector<std::string>& wanted, const std::vector<std::string>& names);
+// Throws Error(invalid_params) if they make no sense.
+void check_selection(const SelectionOptions& options);
+
+struct WorkflowOptions {
+  std::vector<const Effect*> candidates;
+  std::uint64_t seed = 1;
+  int most_domains = 0;  // of the fine simulation
+  SelectionOptions selection;
+  // Called once the base model stands roughly; changes the residuals.
+  std::function<void(const Fit&)> roughly_fitted;
+  // The drop that functions of the signals would still bring; null: not asked.
+  std::function<double(const Fit&)> beyond_effects;
+  Ticker tick;
+};
+
+struct WorkflowResult {
+  Fit base;  // recalibrated
+  ForwardSelection forward;
+  ModelSelection selection;
+  double samples = 0;
+  const Trial* best = nullptr;  // what is added to the model, if anything
+
+  const Fit& after() const { return best != nullptr ? best->fit : base; }
+};
+
+// `coarse` and `fine` have the fidelities that were chosen for the base model (solver/multifidelity.h); that
+// of `fine` is raised where an explanation wants it.
+WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
+                            const WorkflowOptions& options, Health& health);
+
+// Fills in what the workflow says of effects, parameters and models.
+void summarize(const WorkflowResult& found, const SelectionOptions& options, Discovery& out);
+
+}  // namespace ferrobench::model::inference

@@ -1,0 +1,127 @@
+// What is added to a model must be plausible and more than nothing, however well it fits.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "model/inference/parameters/scaled_parameters.h"
+#include "model/inference/report/discovery_report.h"
+#include "model/inference/selection/verdict.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+constexpr double samples = 100;
+
+const SelectionOptions options{};
+
+// An effect at these values of its parameters, each known to this share of itself (one standard deviation),
+// that explains all there is.
+Trial trial(std::string_view id, const std::vector<double>& values, double known_to) {
+  const auto& effect = find_effect(id);
+  Trial out;
+  out.effects = {&effect};
+  auto& f = out.fit;
+  f.hypothesis = with_effect({.model = library_model("soft-pzt"), .parameters = {}}, effect, values);
+  const auto n = static_cast<Eigen::Index>(values.size());
+  f.z = Eigen::VectorXd::Zero(n);
+  f.residual = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(samples));
+  f.jacobian = Eigen::MatrixXd::Zero(f.residual.size(), n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const auto& c = f.hypothesis.parameters[static_cast<std::size_t>(k)];
+    // Standard deviations are widened as the likelihood is tempered.
+    f.jacobian(k, k) = std::abs(c.slope(0) / c.value(0)) / known_to * std::sqrt(options.likelihood_tempering);
+  }
+  out.drop = 1000;
+  out.checked = true;
+  return out;
+}
+
+ModelSelection judged(const ForwardSelection& forward) {
+  return select_model(forward, options, samples);
+}
+ForwardSelection one(Trial t) {
+  ForwardSelection out;
+  out.detected = true;
+  out.trials.push_back(std::move(t));
+  return out;
+}
+
+TEST(Verdict, NamesWhatIsPlausible) {
+  const auto forward = one(trial("prestress_relaxation", {0.2, 10}, 0.1));
+  const auto found = judged(forward);
+  EXPECT_EQ(found.verdict, Verdict::named);
+  EXPECT_EQ(found.doubted, nullptr);
+  const auto fraction = effect_estimates(forward.trials[0], options)[0].parameters[0];
+  EXPECT_NEAR(fraction.low, 0.2 * (1 - 0.1645), 1e-3);
+  EXPECT_NEAR(fraction.high, 0.2 * (1 + 0.1645), 1e-3);
+  // The range has one digit, and a size either sign where that has a meaning.
+  EXPECT_EQ(judged(one(trial("prestress_relaxation", {0.52, 10}, 0.1))).verdict, Verdict::named);
+  EXPECT_EQ(judged(one(trial("prestress_relaxation", {-0.2, 10}, 0.1))).verdict, Verdict::named);
+}
+
+TEST(Verdict, DoubtsWhatIsNotPlausible) {
+  for (const double fraction : {0.72, -0.72, 0.001}) {
+    const auto forward = one(trial("prestress_relaxation", {fraction, 10}, 0.1));
+    const auto found = judged(forward);
+    EXPECT_EQ(found.verdict, Verdict::unknown) << fraction;
+    EXPECT_EQ(found.doubted, &forward.trials[0]) << fraction;
+    EXPECT_GT(found.probability_unknown, 0.9) << fraction;
+  }
+  EXPECT_EQ(judged(one(trial("prestress_relaxation", {0.2, 1e7}, 0.1))).verdict, Verdict::unknown);
+}
+
+// 90 % are 1.645 standard deviations.
+TEST(Verdict, DoubtsWhatMayBeNothing) {
+  EXPECT_EQ(judged(one(trial("prestress_relaxation", {0.2, 10}, 0.55))).verdict, Verdict::named);
+  EXPECT_EQ(judged(one(trial("prestress_relaxation", {0.2, 10}, 0.65))).verdict, Verdict::unknown);
+  // On a logarithmic scale: it reaches to where an effect is too weak to be looked for.
+  EXPECT_EQ(judged(one(trial("viscoelastic_creep", {1e-12, 1}, 0.5))).verdict, Verdict::named);
+  EXPECT_EQ(judged(one(trial("viscoelastic_creep", {1e-12, 1}, 20))).verdict, Verdict::unknown);
+}
+
+// Another that is to be believed is named though it fits less well.
+TEST(Verdict, PrefersWhatIsToBeBelieved) {
+  auto forward = one(trial("prestress_relaxation", {0.72, 10}, 0.01));
+  forward.trials.push_back(trial("viscoelastic_creep", {1e-12, 1}, 0.1));
+  forward.trials[1].drop = 900;
+  const auto found = judged(forward);
+  EXPECT_EQ(found.verdict, Verdict::named);
+  EXPECT_EQ(found.doubted, nullptr);
+  ASSERT_EQ(found.trials.size(), 1u);
+  EXPECT_EQ(found.trials[0].first, &forward.trials[1]);
+}
+
+// An estimate that is hardly known may be beyond what is plausible, and the effect explain as much within it.
+TEST(Verdict, CannotTellFromARivalThatMayBePlausible) {
+  auto forward = one(trial("prestress_relaxation", {0.72, 10}, 0.65));
+  forward.trials.push_back(trial("viscoelastic_creep", {1e-12, 1}, 0.1));
+  const auto found = judged(forward);
+  EXPECT_EQ(found.verdict, Verdict::ambiguous);
+  ASSERT_EQ(found.trials.size(), 2u);
+  // 0.55 of 0.72 known to 0.468: the evidence for the rival falls by exp(-(0.17 / 0.468)^2 / 2).
+  EXPECT_EQ(found.trials[0].first, &forward.trials[1]) << "it is the one that is added";
+  EXPECT_NEAR(found.trials[1].second / found.trials[0].second, std::exp(-std::pow(0.17 / 0.468, 2) / 2),
+              1e-3);
+}
+
+TEST(Verdict, SaysWhatIsDoubted) {
+  Discovery d;
+  d.verdict = Verdict::unknown;
+  d.doubted = effect_estimates(trial("prestress_relaxation", {0.72, 10}, 0.1), options);
+  const auto sentence = findings(d).front();
+  EXPECT_THAT(sentence, testing::HasSubstr("cannot be told"));
+  EXPECT_THAT(sentence, testing::HasSubstr("prestress relaxation would explain it, fraction = 0.72"));
+  EXPECT_EQ(to_json(d).at("doubted").at("effects").at(0).at("id"), "prestress_relaxation");
+}
+
+TEST(SelectionOptions, SayWhatIsWrongWithThem) {
+  std::string error;
+  EXPECT_TRUE(SelectionOptions{}.is_valid(&error)) << error;
+  EXPECT_FALSE((SelectionOptions{.detection = -1}.is_valid(&error)));
+  EXPECT_THAT(error, testing::HasSubstr("detection"));
+  EXPECT_FALSE((SelectionOptions{.hopeless_remainder = 2}.is_valid(&error)));
+  EXPECT_THAT(error, testing::HasSubstr("hopeless_remainder"));
+  EXPECT_FALSE((SelectionOptions{.confident = 1}.is_valid(nullptr)));
+}
+
+}  // namespace
+}  // namespace ferrobench::model::inference
