@@ -5,6 +5,7 @@
 
 #include "base/text_file.h"
 #include "model/effects/catalogue.h"
+#include "model/model_fields.h"
 
 namespace ferrobench::model {
 
@@ -40,74 +41,6 @@ std::span<const std::pair<BarrierLaw, std::string_view>> enum_names(BarrierLaw) 
 }
 std::span<const std::pair<PolycrystalMethod, std::string_view>> enum_names(PolycrystalMethod) {
   return methods;
-}
-
-template <class Visitor>
-void describe(Visitor& visit, Material& m) {
-  visit("remanent_polarization", m.remanent_polarization,
-        {.unit = "C/m^2", .min = 1e-4, .max = 2, .required = true, .doc = "P_+ = -P_-"});
-  visit("remanent_strain_90", m.remanent_strain_90,
-        {.unit = "1", .min = -0.1, .max = -1e-7, .required = true, .doc = "eps_90 against the +180 state"});
-  visit("permittivity_180", m.permittivity_180, {.unit = "F/m", .min = 0, .max = 1e-5, .required = true});
-  visit("permittivity_90", m.permittivity_90, {.unit = "F/m", .min = 0, .max = 1e-5, .required = true});
-  visit("compliance_180", m.compliance_180, {.unit = "1/Pa", .min = 0, .max = 1e-8, .required = true});
-  visit("compliance_90", m.compliance_90, {.unit = "1/Pa", .min = 0, .max = 1e-8, .required = true});
-  visit("piezoelectric_180", m.piezoelectric_180,
-        {.unit = "m/V", .min = -1e-7, .max = 1e-7, .required = true});
-  visit("barrier", m.barrier,
-        {.unit = "J/m^3",
-         .min = 1e-2,
-         .max = 1e9,
-         .required = true,
-         .doc = "barrier energy at zero driving force"});
-  visit("relaxation_time", m.relaxation_time, {.unit = "s", .min = 1e-15, .max = 1e6, .required = true});
-  visit("activation_volume", m.activation_volume,
-        {.unit = "m^3", .min = 1e-28, .max = 1e-15, .required = true});
-  visit("temperature", m.temperature, {.unit = "K", .min = 1, .max = 2000, .required = true});
-  visit("barrier_law", m.barrier_law, {.required = true});
-}
-
-template <class Visitor>
-void describe(Visitor& visit, CriticalForcePoint& p) {
-  visit("fraction", p.fraction, {.unit = "1", .min = 0, .max = 1, .required = true, .doc = "x+"});
-  visit("force", p.force,
-        {.unit = "J/m^3", .required = true, .doc = "driving force F_+90 at which switching goes on"});
-}
-
-template <class Visitor>
-void describe(Visitor& visit, CriticalForce& c) {
-  visit("unload", c.unload, {.required = true, .doc = "+180 -> 90, by rising fraction"});
-  visit("load", c.load, {.required = true, .doc = "90 -> +180, by rising fraction"});
-  visit("prestress", c.prestress,
-        {.unit = "Pa", .required = true, .doc = "of the loop it was calibrated from"});
-  visit("prestress_shift", c.prestress_shift,
-        {.unit = "J/m^3/Pa", .doc = "added to both branches per prestress"});
-}
-
-template <class Visitor>
-void describe(Visitor& visit, Polycrystal& p) {
-  visit("method", p.method, {.required = true});
-  visit("barrier_log_std", p.barrier_log_std, {.unit = "1", .min = 0, .max = 3});
-  visit("interaction_field_std", p.interaction_field_std, {.unit = "V/m", .min = 0, .max = 1e8});
-  visit("interaction_stress_std", p.interaction_stress_std, {.unit = "Pa", .min = 0, .max = 1e10});
-  visit("bias_field", p.bias_field, {.unit = "V/m", .min = -1e8, .max = 1e8});
-  visit("critical_force", p.critical_force, {.doc = "for the method \"parametrized\""});
-}
-
-template <class Visitor>
-void describe(Visitor& visit, Actuator& a) {
-  visit("length", a.length, {.unit = "m", .min = 1e-9, .max = 10, .required = true, .doc = "active"});
-  visit("area", a.area, {.unit = "m^2", .min = 1e-15, .max = 10, .required = true});
-  visit("layer_thickness", a.layer_thickness, {.unit = "m", .min = 1e-9, .max = 1, .required = true});
-  visit("layer_count", a.layer_count, {.unit = "1", .min = 1, .max = 1e6});
-  visit("passive_stiffness", a.passive_stiffness,
-        {.unit = "N/m", .min = 1, .doc = "of the non-active layers; null: rigid"});
-}
-
-template <class Visitor>
-void describe(Visitor& visit, Load& l) {
-  visit("spring_stiffness", l.spring_stiffness, {.unit = "N/m", .min = 0, .max = 1e12, .required = true});
-  visit("prestress", l.prestress, {.unit = "Pa", .min = -1e9, .max = 1e10, .required = true});
 }
 
 namespace {

@@ -73,8 +73,9 @@ class Simulator {
 
   const SimulationStatistics& statistics() const;
 
+  struct State;  // simulator_state.h
+
  private:
-  struct State;
   std::unique_ptr<State> state_;
 };
 

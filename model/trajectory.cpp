@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/simulator.h"
+#include "model/simulator_state.h"
 
 namespace ferrobench::model {
 
@@ -85,12 +85,11 @@ Trajectory simulate(const Model& model, std::span<const double> time, std::span<
   return out;
 }
 
-SimulationStatistics simulate_at(const Model& model, std::span<const double> knot_time,
-                                 std::span<const double> knot_field, std::span<const double> times,
-                                 const ChannelSpans& out, const SimulationOptions& options) {
+void play_knots(Simulator::State& state, std::span<const double> knot_time,
+                std::span<const double> knot_field, std::span<const double> times, const ChannelSpans& out,
+                const std::function<void(std::size_t)>& begin) {
   check(knot_time, knot_field);
-  Simulator simulator(model, options);
-  simulator.start(knot_field[0]);
+  state.start(knot_field[0]);
   std::size_t done = 0;
   for (std::size_t k = knot_time.size() > 1 ? 1 : 0; k < knot_time.size(); ++k) {
     const double end = knot_time[k];
@@ -108,10 +107,18 @@ SimulationStatistics simulate_at(const Model& model, std::span<const double> kno
                              .stress = part(out.stress),
                              .fraction_plus = part(out.fraction_plus),
                              .fraction_minus = part(out.fraction_minus)};
-    simulator.play(end - simulator.time(), knot_field[k], times.subspan(done, next - done), spans);
+    if (begin) begin(done);
+    state.play(end - state.material.time, knot_field[k], times.subspan(done, next - done), spans);
     done = next;
   }
-  return simulator.statistics();
+}
+
+SimulationStatistics simulate_at(const Model& model, std::span<const double> knot_time,
+                                 std::span<const double> knot_field, std::span<const double> times,
+                                 const ChannelSpans& out, const SimulationOptions& options) {
+  Simulator::State state(model, options);
+  play_knots(state, knot_time, knot_field, times, out);
+  return state.statistics;
 }
 
 }  // namespace ferrobench::model

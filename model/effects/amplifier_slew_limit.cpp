@@ -5,34 +5,35 @@
 namespace ferrobench::model::effects {
 namespace {
 
-class SlewLimit final : public DriveStage {
+template <class T>
+class SlewLimit final : public DriveStage<T> {
  public:
-  explicit SlewLimit(double rate) : rate_(rate) {}
-  void start(double field) override { field_ = field; }
+  explicit SlewLimit(T rate) : rate_(rate) {}
+  void start(const T& field) override { field_ = field; }
 
-  void transform(const FieldPiece& in, std::vector<FieldPiece>& out) override {
-    const double slope = (in.to - in.from) / in.duration;
-    const auto go = [&](double duration, double to) {
+  void transform(const FieldPieceOf<T>& in, std::vector<FieldPieceOf<T>>& out) override {
+    const T slope = (in.to - in.from) / in.duration;
+    const auto go = [&](const T& duration, const T& to) {
       if (duration > 0) out.push_back({duration, field_, to});
       field_ = to;
     };
-    double done = 0;
-    const double behind = in.from - field_;
+    T done = 0;
+    const T behind = in.from - field_;
     if (behind != 0) {
-      const double speed = std::copysign(rate_, behind);
-      const double closing = (speed - slope) * std::copysign(1.0, behind);
-      const double meeting = closing > 0 ? std::abs(behind) / closing : in.duration;
+      const T speed = copysign(rate_, behind);
+      const T closing = (speed - slope) * copysign(T(1), behind);
+      const T meeting = closing > 0 ? abs(behind) / closing : in.duration;
       if (meeting >= in.duration) return go(in.duration, field_ + speed * in.duration);
       done = meeting;
       go(done, in.from + slope * done);
     }
-    const double left = in.duration - done;
-    std::abs(slope) <= rate_ ? go(left, in.to) : go(left, field_ + std::copysign(rate_, slope) * left);
+    const T left = in.duration - done;
+    abs(slope) <= rate_ ? go(left, in.to) : go(left, field_ + copysign(rate_, slope) * left);
   }
 
  private:
-  double rate_;
-  double field_ = 0;
+  T rate_;
+  T field_ = 0;
 };
 
 }  // namespace
@@ -43,8 +44,8 @@ Effect effect_amplifier_slew_limit() {
           .family = Family::drive,
           .parameters = {{"rate", "V/m/s", 1e5, 1e10, Sign::off_at_infinity, LimitOf::field_rate}},
           .shows = "field against command on ramps faster than the limit; all channels follow",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.drive.push_back(std::make_unique<SlewLimit>(v[0]));
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.drive.push_back(std::make_unique<SlewLimit<T>>(v[0]));
           }};
 }
 

@@ -13,9 +13,9 @@ Effect effect_barrier_distribution() {
           .parameters = {{"log_std", "1", 0.02, 1.0}},
           .shows = "all channels; switching drawn out over field and time",
           .install =
-              [](std::span<const double> v, Model& model, Ports&) {
+              []<class T>(Values<T> v, ModelOf<T>& model, PortsOf<T>&) {
                 auto& p = domains_of(model, "barrier_distribution");
-                p.barrier_log_std = std::hypot(p.barrier_log_std, v[0]);
+                p.barrier_log_std = hypot(p.barrier_log_std, v[0]);
               },
           .in_base = [](const Model& m) { return m.polycrystal.barrier_log_std != 0; }};
 }

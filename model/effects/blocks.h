@@ -13,7 +13,8 @@ namespace ferrobench::model::effects {
 
 // Error(bad_model) for the parametrized polycrystal, whose one domain has neither internal loads nor barriers
 // to change.
-inline void refuse_parametrized(const Model& model, const std::string& id) {
+template <class T>
+void refuse_parametrized(const ModelOf<T>& model, const std::string& id) {
   if (model.polycrystal.method == PolycrystalMethod::parametrized)
     throw Error(ErrorCode::bad_model, "the effect " + id + " has no meaning for a parametrized polycrystal",
                 Problem{.path = "/polycrystal/method",
@@ -22,7 +23,8 @@ inline void refuse_parametrized(const Model& model, const std::string& id) {
                         .allowed = {"none", "distribution"}});
 }
 // The model's distribution over domains; a single crystal becomes one that has no spread yet.
-inline Polycrystal& domains_of(Model& model, const std::string& id) {
+template <class T>
+PolycrystalOf<T>& domains_of(ModelOf<T>& model, const std::string& id) {
   refuse_parametrized(model, id);
   auto& p = model.polycrystal;
   if (p.method == PolycrystalMethod::none) {
@@ -33,57 +35,61 @@ inline Polycrystal& domains_of(Model& model, const std::string& id) {
 }
 
 // A sensor without memory.
-class Memoryless final : public SensorStage {
+template <class T>
+class Memoryless final : public SensorStage<T> {
  public:
-  explicit Memoryless(std::function<double(const SensorInput&)> function) : function_(std::move(function)) {}
-  void start(const SensorInput&) override {}
-  double update(const SensorInput& in) override { return function_(in); }
+  explicit Memoryless(std::function<T(const SensorInput<T>&)> function) : function_(std::move(function)) {}
+  void start(const SensorInput<T>&) override {}
+  T update(const SensorInput<T>& in) override { return function_(in); }
 
  private:
-  std::function<double(const SensorInput&)> function_;
+  std::function<T(const SensorInput<T>&)> function_;
 };
-inline std::unique_ptr<SensorStage> memoryless(std::function<double(const SensorInput&)> function) {
-  return std::make_unique<Memoryless>(std::move(function));
+template <class T>
+std::unique_ptr<SensorStage<T>> memoryless(std::function<T(const SensorInput<T>&)> function) {
+  return std::make_unique<Memoryless<T>>(std::move(function));
 }
 
 // lag_tau of the value, starting in equilibrium.
-class LagStage final : public SensorStage {
+template <class T>
+class LagStage final : public SensorStage<T> {
  public:
-  explicit LagStage(double tau) : tau_(tau) {}
-  void start(const SensorInput& in) override {
+  explicit LagStage(T tau) : tau_(tau) {}
+  void start(const SensorInput<T>& in) override {
     last_ = in;
     value_ = in.value;
   }
-  double update(const SensorInput& in) override {
+  T update(const SensorInput<T>& in) override {
     value_ = lag(value_, last_.value, in.value, in.time - last_.time, tau_);
     last_ = in;
     return value_;
   }
 
  private:
-  double tau_;
-  SensorInput last_;
-  double value_ = 0;
+  T tau_;
+  SensorInput<T> last_;
+  T value_ = 0;
 };
 
 // lag_tau of something of the material, starting at zero as if that had been zero until then.
-class DelayedStrain final : public StrainTerm {
+template <class T>
+class DelayedStrain final : public StrainTerm<T> {
  public:
-  DelayedStrain(double tau, std::function<double(const MaterialState&)> input)
+  DelayedStrain(T tau, std::function<T(const MaterialState<T>&)> input)
       : tau_(tau), input_(std::move(input)) {}
-  void start(const MaterialState&) override { value_ = last_input_ = 0; }
-  double propose(double h, const MaterialState& end) const override {
+  void start(const MaterialState<T>&) override { value_ = last_input_ = T(0); }
+  T propose(const T& h, const MaterialState<T>& end) const override {
     return lag(value_, last_input_, input_(end), h, tau_);
   }
-  void accept(double h, const MaterialState& end) override {
+  void accept(const T& h, const MaterialState<T>& end) override {
     value_ = propose(h, end);
     last_input_ = input_(end);
   }
 
  private:
-  double tau_;
-  std::function<double(const MaterialState&)> input_;
-  double value_ = 0, last_input_ = 0;
+  T tau_;
+  std::function<T(const MaterialState<T>&)> input_;
+  T value_ = 0, last_input_ = 0;
 };
 
 }  // namespace ferrobench::model::effects

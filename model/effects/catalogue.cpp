@@ -96,22 +96,25 @@ std::vector<Problem> check_effects(const std::vector<EffectSetting>& settings, c
   return problems;
 }
 
-void install_effects(Model& model, Ports& ports) {
+template <class T>
+void install_effects(ModelOf<T>& model, PortsOf<T>& ports) {
   auto settings = model.effects;
   std::sort(settings.begin(), settings.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
   for (const auto& setting : settings) {
     const auto& effect = find_effect(setting.id);
-    std::vector<double> values;
+    std::vector<T> values;
     for (const auto& parameter : effect.parameters)
       for (const auto& [name, value] : setting.parameters)
         if (name == parameter.name) values.push_back(value);
     if (values.size() != effect.parameters.size())
       throw Error(ErrorCode::bad_model, "the effect's parameters are incomplete",
-                  check_effects(settings, "/effects"));
-    effect.install(values, model, ports);
+                  Problem{.path = "/effects", .message = "do not hold all parameters of " + setting.id});
+    effect.install(Values<T>(values), model, ports);
   }
   std::stable_sort(ports.displacement.begin(), ports.displacement.end(),
                    [](const auto& a, const auto& b) { return a.order < b.order; });
 }
+template void install_effects(Model& model, Ports& ports);
+template void install_effects(ModelOf<DualNumber>& model, PortsOf<DualNumber>& ports);
 
 }  // namespace ferrobench::model

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "model/model.h"
+#include "model/physics/implicit.h"
 #include "model/physics/ports.h"
 
 namespace ferrobench::model {
@@ -55,6 +56,28 @@ struct EffectParameter {
   LimitOf limit_of = LimitOf::nothing;
 };
 
+template <class T>
+using Values = std::span<const T>;
+
+// Plugs an effect in; values in the order of its parameters. The model may be changed where the effect is a
+// base parameter that was absent. Made from one function for any type T of numbers,
+//
+//     []<class T>(Values<T> values, ModelOf<T>& model, PortsOf<T>& ports) { ... }
+class Install {
+ public:
+  Install() = default;
+  template <class Function>
+  Install(Function function) : plain_(function), with_tangents_(function) {}  // NOLINT: it is that function
+  void operator()(Values<double> values, Model& model, Ports& ports) const { plain_(values, model, ports); }
+  void operator()(Values<DualNumber> values, ModelOf<DualNumber>& model, PortsOf<DualNumber>& ports) const {
+    with_tangents_(values, model, ports);
+  }
+
+ private:
+  std::function<void(Values<double>, Model&, Ports&)> plain_;
+  std::function<void(Values<DualNumber>, ModelOf<DualNumber>&, PortsOf<DualNumber>&)> with_tangents_;
+};
+
 struct Effect {
   std::string_view id;
   std::string_view equation;  // plain text
@@ -62,9 +85,7 @@ struct Effect {
   // The first is the amplitude: where it fades, so does the effect. The others are its shape.
   std::vector<EffectParameter> parameters;
   std::string_view shows;  // channels and segments in which it is seen
-  // Plugs the effect in; values in the order of `parameters`. `model` may be changed where the effect is a
-  // base parameter that was absent.
-  std::function<void(std::span<const double> values, Model& model, Ports& ports)> install;
+  Install install;
   // Where it is a base parameter: whether a model has that already. Such an effect is recalibrated, not
   // found.
   std::function<bool(const Model& model)> in_base{};
@@ -79,6 +100,7 @@ const Effect& find_effect(std::string_view id);
 // id twice.
 std::vector<Problem> check_effects(const std::vector<EffectSetting>& settings, const std::string& path);
 // Plugs all of them in, by id: the order in which a model file lists them does not matter.
-void install_effects(Model& model, Ports& ports);
+template <class T>
+void install_effects(ModelOf<T>& model, PortsOf<T>& ports);
 
 }  // namespace ferrobench::model

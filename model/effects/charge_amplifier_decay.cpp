@@ -6,24 +6,25 @@ namespace ferrobench::model::effects {
 namespace {
 
 // Exact for a charge that goes linearly between updates.
-class Decay final : public SensorStage {
+template <class T>
+class Decay final : public SensorStage<T> {
  public:
-  explicit Decay(double tau) : tau_(tau) {}
-  void start(const SensorInput& in) override {
+  explicit Decay(T tau) : tau_(tau) {}
+  void start(const SensorInput<T>& in) override {
     last_ = in;
     value_ = in.value;
   }
-  double update(const SensorInput& in) override {
-    const double h = in.time - last_.time, z = h / tau_;
-    if (h > 0) value_ = value_ * std::exp(-z) - (in.value - last_.value) * std::expm1(-z) / z;
+  T update(const SensorInput<T>& in) override {
+    const T h = in.time - last_.time, z = h / tau_;
+    if (h > 0) value_ = value_ * exp(-z) - (in.value - last_.value) * expm1(-z) / z;
     last_ = in;
     return value_;
   }
 
  private:
-  double tau_;
-  SensorInput last_;
-  double value_ = 0;
+  T tau_;
+  SensorInput<T> last_;
+  T value_ = 0;
 };
 
 }  // namespace
@@ -34,8 +35,8 @@ Effect effect_charge_amplifier_decay() {
           .family = Family::charge_sensor,
           .parameters = {{"time_constant", "s", 1, 1e5, Sign::off_at_infinity}},
           .shows = "charge falls towards zero in every hold, from either side",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.charge.push_back(std::make_unique<Decay>(v[0]));
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.charge.push_back(std::make_unique<Decay<T>>(v[0]));
           }};
 }
 

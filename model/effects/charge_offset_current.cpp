@@ -9,9 +9,9 @@ Effect effect_charge_offset_current() {
           .family = Family::charge_sensor,
           .parameters = {{"current", "A", 1e-10, 1e-5, Sign::any}},
           .shows = "charge, rising straight with time",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.charge.push_back(
-                memoryless([current = v[0]](const SensorInput& in) { return in.value + current * in.time; }));
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.charge.push_back(memoryless<T>(
+                [current = v[0]](const SensorInput<T>& in) { return in.value + current * in.time; }));
           }};
 }
 

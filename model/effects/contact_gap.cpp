@@ -10,8 +10,8 @@ Effect effect_contact_gap() {
           .family = Family::equilibrium,
           .parameters = {{"gap", "m", 1e-8, 2e-5}},
           .shows = "force and displacement: no force at small displacement, a kink where contact is made",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.spring_extension.emplace_back([gap = v[0]](double x) { return std::max(0.0, x - gap); });
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.spring_extension.emplace_back([gap = v[0]](const T& x) { return std::max(T(0), x - gap); });
           }};
 }
 

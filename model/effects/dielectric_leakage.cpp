@@ -9,8 +9,8 @@ Effect effect_dielectric_leakage() {
       .family = Family::polarization,
       .parameters = {{"resistivity", "ohm m", 1e6, 1e12, Sign::off_at_infinity}},
       .shows = "charge, in step with the integral of the field: holds at field run away, loops do not close",
-      .install = [](std::span<const double> v, Model&, Ports& ports) {
-        ports.conduction.emplace_back([resistivity = v[0]](double field) { return field / resistivity; });
+      .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+        ports.conduction.emplace_back([resistivity = v[0]](const T& field) { return field / resistivity; });
       }};
 }
 

@@ -11,10 +11,10 @@ Effect effect_displacement_clipping() {
           .family = Family::displacement_sensor,
           .parameters = {{"limit", "m", 1e-7, 1e-4, Sign::off_at_infinity, LimitOf::displacement}},
           .shows = "displacement is flat at its ends; not in the force",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
             ports.displacement.push_back(
-                {SensorOrder::clipping, memoryless([limit = v[0]](const SensorInput& in) {
-                   return std::clamp(in.value, -limit, limit);
+                {SensorOrder::clipping, memoryless<T>([limit = v[0]](const SensorInput<T>& in) {
+                   return std::clamp<T>(in.value, -limit, limit);
                  })});
           }};
 }

@@ -7,17 +7,18 @@ namespace {
 
 // Keeps the inputs of the last `delay` seconds, linear in between. Inputs much closer together than the delay
 // are thinned, which bounds the memory.
-class Delay final : public SensorStage {
+template <class T>
+class Delay final : public SensorStage<T> {
  public:
-  explicit Delay(double delay) : delay_(delay), spacing_(delay / 16384) {}
-  void start(const SensorInput& in) override { history_.assign(1, in); }
-  double update(const SensorInput& in) override {
+  explicit Delay(T delay) : delay_(delay), spacing_(delay / 16384) {}
+  void start(const SensorInput<T>& in) override { history_.assign(1, in); }
+  T update(const SensorInput<T>& in) override {
     const bool close = history_.size() > 1 && in.time - history_[history_.size() - 2].time < spacing_;
     if (!close && in.time > history_.back().time)
       history_.push_back(in);
     else
       history_.back() = in;
-    const double then = in.time - delay_;
+    const T then = in.time - delay_;
     while (history_.size() > 1 && history_[1].time <= then) history_.pop_front();
     const auto& a = history_.front();
     if (history_.size() == 1 || then <= a.time) return a.value;
@@ -26,8 +27,8 @@ class Delay final : public SensorStage {
   }
 
  private:
-  double delay_, spacing_;
-  std::deque<SensorInput> history_;
+  T delay_, spacing_;
+  std::deque<SensorInput<T>> history_;
 };
 
 }  // namespace
@@ -38,8 +39,8 @@ Effect effect_displacement_delay() {
           .family = Family::displacement_sensor,
           .parameters = {{"delay", "s", 1e-5, 0.5}},
           .shows = "displacement on fast ramps: loops open the same at each field; not in the force",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.displacement.push_back({SensorOrder::delay, std::make_unique<Delay>(v[0])});
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.displacement.push_back({SensorOrder::delay, std::make_unique<Delay<T>>(v[0])});
           }};
 }
 

@@ -9,10 +9,11 @@ Effect effect_displacement_drift() {
           .family = Family::displacement_sensor,
           .parameters = {{"rate", "m/s", 1e-12, 1e-6, Sign::any}},
           .shows = "displacement, rising straight with time",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
             ports.displacement.push_back(
-                {SensorOrder::crosstalk_and_drift,
-                 memoryless([rate = v[0]](const SensorInput& in) { return in.value + rate * in.time; })});
+                {SensorOrder::crosstalk_and_drift, memoryless<T>([rate = v[0]](const SensorInput<T>& in) {
+                   return in.value + rate * in.time;
+                 })});
           }};
 }
 

@@ -9,8 +9,8 @@ Effect effect_displacement_lag() {
           .family = Family::displacement_sensor,
           .parameters = {{"time_constant", "s", 1e-5, 1}},
           .shows = "displacement on fast ramps and after corners; not in the force",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.displacement.push_back({SensorOrder::lag, std::make_unique<LagStage>(v[0])});
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.displacement.push_back({SensorOrder::lag, std::make_unique<LagStage<T>>(v[0])});
           }};
 }
 

@@ -9,9 +9,9 @@ Effect effect_displacement_nonlinearity() {
           .family = Family::displacement_sensor,
           .parameters = {{"coefficient", "1/m", 1e2, 1e5, Sign::any}},
           .shows = "displacement against force bends",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
             ports.displacement.push_back(
-                {SensorOrder::nonlinearity, memoryless([coefficient = v[0]](const SensorInput& in) {
+                {SensorOrder::nonlinearity, memoryless<T>([coefficient = v[0]](const SensorInput<T>& in) {
                    return in.value * (1 + coefficient * in.value);
                  })});
           }};

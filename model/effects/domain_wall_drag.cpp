@@ -8,7 +8,9 @@ Effect effect_domain_wall_drag() {
           .family = Family::kinetics,
           .parameters = {{"coefficient", "V s m/C", 1e2, 1e6}},
           .shows = "all channels; fast switching comes later and is spread out, slow switching is not",
-          .install = [](std::span<const double> v, Model&, Ports& ports) { ports.domain_wall_drag += v[0]; }};
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.domain_wall_drag += v[0];
+          }};
 }
 
 }  // namespace ferrobench::model::effects

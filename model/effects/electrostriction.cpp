@@ -3,18 +3,19 @@
 namespace ferrobench::model::effects {
 namespace {
 
-class Electrostriction final : public StrainTerm {
+template <class T>
+class Electrostriction final : public StrainTerm<T> {
  public:
-  explicit Electrostriction(double coefficient) : coefficient_(coefficient) {}
+  explicit Electrostriction(T coefficient) : coefficient_(coefficient) {}
   bool instant() const override { return true; }
-  void start(const MaterialState&) override {}
-  double propose(double, const MaterialState& end) const override {
+  void start(const MaterialState<T>&) override {}
+  T propose(const T&, const MaterialState<T>& end) const override {
     return coefficient_ * end.field * end.field;
   }
-  void accept(double, const MaterialState&) override {}
+  void accept(const T&, const MaterialState<T>&) override {}
 
  private:
-  double coefficient_;
+  T coefficient_;
 };
 
 }  // namespace
@@ -25,8 +26,8 @@ Effect effect_electrostriction() {
           .family = Family::strain,
           .parameters = {{"coefficient", "m^2/V^2", 1e-18, 1e-15, Sign::any}},
           .shows = "displacement and force at high field, both signs alike",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.strain.push_back(std::make_unique<Electrostriction>(v[0]));
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.strain.push_back(std::make_unique<Electrostriction<T>>(v[0]));
           }};
 }
 

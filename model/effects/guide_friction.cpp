@@ -9,8 +9,8 @@ Effect effect_guide_friction() {
       .family = Family::equilibrium,
       .parameters = {{"force", "N", 0.1, 100}, {"presliding_distance", "m", 1e-8, 1e-5, Sign::above_zero}},
       .shows = "displacement after each turning point: sticks, then follows; the same at each rate",
-      .install = [](std::span<const double> v, Model&, Ports& ports) {
-        ports.friction = Friction{.force = v[0], .presliding_distance = v[1]};
+      .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+        ports.friction = Friction<T>{.force = v[0], .presliding_distance = v[1]};
       }};
 }
 

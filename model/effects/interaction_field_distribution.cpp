@@ -13,9 +13,9 @@ Effect effect_interaction_field_distribution() {
           .parameters = {{"std", "V/m", 5e3, 1e6}},
           .shows = "all channels; switching drawn out over field, the same at each rate",
           .install =
-              [](std::span<const double> v, Model& model, Ports&) {
+              []<class T>(Values<T> v, ModelOf<T>& model, PortsOf<T>&) {
                 auto& p = domains_of(model, "interaction_field_distribution");
-                p.interaction_field_std = std::hypot(p.interaction_field_std, v[0]);
+                p.interaction_field_std = hypot(p.interaction_field_std, v[0]);
               },
           .in_base = [](const Model& m) { return m.polycrystal.interaction_field_std != 0; }};
 }

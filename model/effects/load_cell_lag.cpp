@@ -9,8 +9,8 @@ Effect effect_load_cell_lag() {
           .family = Family::force_sensor,
           .parameters = {{"time_constant", "s", 1e-5, 1}},
           .shows = "force on fast ramps and after corners; not in the displacement",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.force.push_back(std::make_unique<LagStage>(v[0]));
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.force.push_back(std::make_unique<LagStage<T>>(v[0]));
           }};
 }
 

@@ -9,10 +9,10 @@ Effect effect_logarithmic_creep() {
           .family = Family::strain,
           .parameters = {{"fraction_per_decade", "1", 1e-3, 0.1, Sign::any}},
           .shows = "displacement and force in holds, straight against log time",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
             for (const double tau : {0.1, 1.0, 10.0, 100.0, 1000.0})
-              ports.strain.push_back(std::make_unique<DelayedStrain>(
-                  tau, [fraction = v[0]](const MaterialState& s) { return fraction * s.instant_strain; }));
+              ports.strain.push_back(std::make_unique<DelayedStrain<T>>(
+                  tau, [fraction = v[0]](const MaterialState<T>& s) { return fraction * s.instant_strain; }));
           }};
 }
 

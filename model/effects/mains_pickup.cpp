@@ -12,10 +12,11 @@ Effect effect_mains_pickup() {
           .family = Family::displacement_sensor,
           .parameters = {{"amplitude", "m", 1e-9, 1e-5, Sign::any}, {"frequency", "Hz", 10, 500}},
           .shows = "displacement, a tone that is there in every segment",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
             ports.displacement.push_back(
-                {SensorOrder::pickup, memoryless([amplitude = v[0], frequency = v[1]](const SensorInput& in) {
-                   return in.value + amplitude * std::sin(2 * std::numbers::pi * frequency * in.time);
+                {SensorOrder::pickup,
+                 memoryless<T>([amplitude = v[0], frequency = v[1]](const SensorInput<T>& in) {
+                   return in.value + amplitude * sin(2 * std::numbers::pi * frequency * in.time);
                  })});
           }};
 }

@@ -9,9 +9,9 @@ Effect effect_nonlinear_permittivity() {
       .family = Family::polarization,
       .parameters = {{"coefficient", "m^2/V^2", 1e-15, 1e-12, Sign::any}},
       .shows = "charge at high field, both signs alike",
-      .install = [](std::span<const double> v, Model& model, Ports& ports) {
-        const double factor = model.material.permittivity_180 * v[0];
-        ports.polarization.emplace_back([factor](double field) { return factor * field * field * field; });
+      .install = []<class T>(Values<T> v, ModelOf<T>& model, PortsOf<T>& ports) {
+        const T factor = model.material.permittivity_180 * v[0];
+        ports.polarization.emplace_back([factor](const T& field) { return factor * field * field * field; });
       }};
 }
 

@@ -10,7 +10,7 @@ Effect effect_passive_layer_compliance() {
           .parameters = {{"stiffness", "N/m", 1e6, 1e10, Sign::off_at_infinity}},
           .shows = "displacement and force with a spring: less of both, at every time",
           .install =
-              [](std::span<const double> v, Model& model, Ports&) {
+              []<class T>(Values<T> v, ModelOf<T>& model, PortsOf<T>&) {
                 auto& stiffness = model.actuator.passive_stiffness;
                 stiffness = stiffness ? 1 / (1 / *stiffness + 1 / v[0]) : v[0];
               },

@@ -9,7 +9,7 @@ Effect effect_polarization_fatigue() {
       .family = Family::polarization,
       .parameters = {{"coefficient", "m^2/C", 1e-4, 0.5}},
       .shows = "charge foremost, then all channels; loops shrink from cycle to cycle",
-      .install = [](std::span<const double> v, Model&, Ports& ports) { ports.fatigue += v[0]; }};
+      .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) { ports.fatigue += v[0]; }};
 }
 
 }  // namespace ferrobench::model::effects

@@ -11,9 +11,9 @@ Effect effect_prestress_relaxation() {
           .parameters = {{"fraction", "1", 5e-3, 0.5, Sign::any},
                          {"time_constant", "s", 0.1, 1e5, Sign::above_zero}},
           .shows = "force foremost, then displacement; falls with time whatever the field does",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.prestress_factor = [fraction = v[0], tau = v[1]](double t) {
-              return 1 + fraction * std::expm1(-t / tau);
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.prestress_factor = [fraction = v[0], tau = v[1]](const T& t) {
+              return 1 + fraction * expm1(-t / tau);
             };
           }};
 }

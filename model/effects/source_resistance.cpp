@@ -9,7 +9,9 @@ Effect effect_source_resistance() {
       .family = Family::drive,
       .parameters = {{"coefficient", "V s m/C", 1e2, 1e6}},
       .shows = "all channels but the field; switching late at high rates, and slowed down by its own current",
-      .install = [](std::span<const double> v, Model&, Ports& ports) { ports.source_resistance += v[0]; }};
+      .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+        ports.source_resistance += v[0];
+      }};
 }
 
 }  // namespace ferrobench::model::effects

@@ -9,8 +9,8 @@ Effect effect_spring_hardening() {
       .family = Family::equilibrium,
       .parameters = {{"coefficient", "1/m", 1e2, 1e5, Sign::any}},
       .shows = "force against displacement bends; displacement at high field",
-      .install = [](std::span<const double> v, Model&, Ports& ports) {
-        ports.spring_hardening.emplace_back([coefficient = v[0]](double x) { return 1 + coefficient * x; });
+      .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+        ports.spring_hardening.emplace_back([coefficient = v[0]](const T& x) { return 1 + coefficient * x; });
       }};
 }
 

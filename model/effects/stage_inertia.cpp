@@ -10,8 +10,8 @@ Effect effect_stage_inertia() {
           .parameters = {{"mass", "kg", 1e-3, 100, Sign::above_zero},
                          {"damping_ratio", "1", 5e-3, 2, Sign::above_zero}},
           .shows = "displacement and force after corners of the field: ringing, overshoot in fast switching",
-          .install = [](std::span<const double> v, Model&, Ports& ports) {
-            ports.inertia = Inertia{.mass = v[0], .damping_ratio = v[1]};
+          .install = []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
+            ports.inertia = Inertia<T>{.mass = v[0], .damping_ratio = v[1]};
           }};
 }
 

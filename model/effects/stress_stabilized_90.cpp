@@ -9,7 +9,7 @@ Effect effect_stress_stabilized_90() {
           .family = Family::kinetics,
           .parameters = {{"coefficient", "1/Pa", 1e-9, 2e-7}},
           .shows = "all channels; creep after switching and return from 90, more with more prestress",
-          .install = [](std::span<const double> v, Model& model, Ports& ports) {
+          .install = []<class T>(Values<T> v, ModelOf<T>& model, PortsOf<T>& ports) {
             refuse_parametrized(model, "stress_stabilized_90");
             ports.stress_stabilization += v[0];
           }};

@@ -10,10 +10,10 @@ Effect effect_viscoelastic_creep() {
           .parameters = {{"compliance", "1/Pa", 1e-13, 1e-11},
                          {"time_constant", "s", 1e-2, 1e4, Sign::above_zero}},
           .shows = "displacement and force after stress has changed; nothing without a spring",
-          .install = [](std::span<const double> v, Model& model, Ports& ports) {
-            const double rest = -model.load.prestress;
-            ports.strain.push_back(
-                std::make_unique<DelayedStrain>(v[1], [compliance = v[0], rest](const MaterialState& s) {
+          .install = []<class T>(Values<T> v, ModelOf<T>& model, PortsOf<T>& ports) {
+            const T rest = -model.load.prestress;
+            ports.strain.push_back(std::make_unique<DelayedStrain<T>>(
+                v[1], [compliance = v[0], rest](const MaterialState<T>& s) {
                   return compliance * (s.stress - rest);
                 }));
           }};

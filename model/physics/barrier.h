@@ -22,13 +22,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 namespace ferrobench::model {
 
-inline double barrier_equal_curvature(double force, double barrier) {
+template <class T>
+T barrier_equal_curvature(const T& force, const std::type_identity_t<T>& barrier) {
   if (force < -4 * barrier) return -force;
   if (force > 4 * barrier) return 0;
-  const double root = force / 4 - barrier;
+  const T root = force / 4 - barrier;
   return root * root / barrier;
 }
 

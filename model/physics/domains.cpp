@@ -94,7 +94,7 @@ int domains_for(const Material& m, const Polycrystal& p, double tolerance) {
   }
 }
 
-Domains make_domains(const Material& material, const Polycrystal& p, int count, std::uint64_t shift,
+Lattice make_lattice(const Material& material, const Polycrystal& p, int count, std::uint64_t shift,
                      bool every_spread) {
   const int spreads = p.method == PolycrystalMethod::distribution ? spread_dimensions(p) : 0;
   const int dimensions = every_spread && spreads > 0 ? 3 : spreads;
@@ -133,7 +133,7 @@ Domains make_domains(const Material& material, const Polycrystal& p, int count, 
           }
   }
 
-  Domains out;
+  Lattice out;
   double total = 0;
   std::map<std::array<double, 3>, std::size_t> same;  // only where a spread of the lattice is zero
   for (const auto& z : nodes) {
@@ -147,19 +147,32 @@ Domains make_domains(const Material& material, const Polycrystal& p, int count, 
     const double weight = std::exp(-0.5 * (z[0] * z[0] + z[1] * z[1] + z[2] * z[2]));
     total += weight;
     if (dimensions > spreads) {
-      const auto [known, is_new] = same.try_emplace({z1, z2, z3}, out.size());
+      const auto [known, is_new] = same.try_emplace({z1, z2, z3}, out.nodes.size());
       if (!is_new) {
-        out.weight[known->second] += weight;
+        out.nodes[known->second].weight += weight;
         continue;
       }
     }
-    out.barrier.push_back(material.barrier * std::exp(p.barrier_log_std * z1));
-    out.field.push_back(p.bias_field + p.interaction_field_std * z2);
-    out.stress.push_back(p.interaction_stress_std * z3);
-    out.weight.push_back(weight);
+    out.nodes.push_back({z1, z2, z3, weight});
   }
-  for (auto& w : out.weight) w /= total;
+  for (auto& node : out.nodes) node.weight /= total;
   return out;
+}
+
+Domains domains_on(const Lattice& lattice, const Material& material, const Polycrystal& p) {
+  Domains out;
+  for (const auto& node : lattice.nodes) {
+    out.barrier.push_back(material.barrier * std::exp(p.barrier_log_std * node.z1));
+    out.field.push_back(p.bias_field + p.interaction_field_std * node.z2);
+    out.stress.push_back(p.interaction_stress_std * node.z3);
+    out.weight.push_back(node.weight);
+  }
+  return out;
+}
+
+Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count, std::uint64_t shift,
+                     bool every_spread) {
+  return domains_on(make_lattice(material, polycrystal, count, shift, every_spread), material, polycrystal);
 }
 
 }  // namespace ferrobench::model

@@ -26,9 +26,22 @@ struct Domains {
   std::size_t size() const { return weight.size(); }
 };
 
+// The nodes in z, where they stand for all models alike.
+struct Lattice {
+  struct Node {
+    double z1 = 0, z2 = 0, z3 = 0;  // zero where there is no spread
+    double weight = 0;
+  };
+  std::vector<Node> nodes;
+};
+
 // About `count` nodes (one if no spread is set). `shift` picks one of the lattice's shifts. `every_spread`:
 // the lattice is that of three spreads and nodes that differ only in spreads of zero become one, so that the
 // quadrature's error does not jump where a spread is switched on.
+Lattice make_lattice(const Material& material, const Polycrystal& polycrystal, int count, std::uint64_t shift,
+                     bool every_spread = false);
+Domains domains_on(const Lattice& lattice, const Material& material, const Polycrystal& polycrystal);
+// Both.
 Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count, std::uint64_t shift,
                      bool every_spread = false);
 

@@ -61,6 +61,7 @@ void Ensemble::start(const Loads& at) {
   at_ = at;
   polarization_then_ = constants_.polarization;
   time_ = stress_path_ = 0;
+  change_ = {};
   rests_.fill({at.field, 0});
   awake_ = size_;
   asleep_plus_ = asleep_minus_ = 0;
@@ -94,19 +95,48 @@ void Ensemble::swap_rows(std::size_t i, std::size_t j) {
   for (auto& column : columns_) std::swap(column[i], column[j]);
 }
 
+void Ensemble::wake_row(std::size_t i) {
+  asleep_plus_ -= columns_[weight][i] * columns_[plus][i];
+  asleep_minus_ -= columns_[weight][i] * columns_[minus][i];
+  swap_rows(i, awake_);
+  for (auto& column : bounds_) column[i] = column[awake_];
+  ++awake_;
+  if (records_) change_.woken.push_back(i);
+}
+
+std::size_t Ensemble::put_row_to_sleep(std::size_t i) {
+  const std::size_t last = --awake_;
+  asleep_plus_ += columns_[weight][i] * columns_[plus][i];
+  asleep_minus_ += columns_[weight][i] * columns_[minus][i];
+  if (i != last) {
+    swap_rows(i, last);
+    for (std::size_t j = 0; j < 4; ++j) {
+      now_.log_rate[j][i] = now_.log_rate[j][last];
+      now_.rate[j][i] = now_.rate[j][last];
+    }
+  }
+  if (records_) change_.slept.push_back(i);
+  return last;
+}
+
 void Ensemble::wake(const Loads& to, double stress_path_end, double time_end) {
+  if (follows_) return;
   const std::size_t first = awake_;
   const std::size_t found = find_due({bounds_[lowest_field].data(), bounds_[highest_field].data(),
                                       bounds_[longest_stress_path].data(), bounds_[latest_time].data()},
                                      first, size_, {to.field, stress_path_end, time_end}, found_.data());
-  for (std::size_t n = 0; n < found; ++n, ++awake_) {
-    const std::size_t i = found_[n];
-    asleep_plus_ -= columns_[weight][i] * columns_[plus][i];
-    asleep_minus_ -= columns_[weight][i] * columns_[minus][i];
-    swap_rows(i, awake_);
-    for (auto& column : bounds_) column[i] = column[awake_];
-  }
+  for (std::size_t n = 0; n < found; ++n) wake_row(found_[n]);
   if (found > 0) evaluate_rates(constants_, domains(first), found, at_, now_.columns(first));
+}
+
+void Ensemble::wake(const std::vector<std::size_t>& rows) {
+  const std::size_t first = awake_;
+  for (const std::size_t row : rows) wake_row(row);
+  if (!rows.empty()) evaluate_rates(constants_, domains(first), rows.size(), at_, now_.columns(first));
+}
+
+void Ensemble::put_to_sleep(const std::vector<std::size_t>& rows) {
+  for (const std::size_t row : rows) put_row_to_sleep(row);
 }
 
 // The time over which what a sleeper misses is counted: the last step's or, where many short ones were asked
@@ -118,6 +148,7 @@ double Ensemble::horizon() const {
 // A domain may sleep if its outflow could not move `negligible` within e^1.5 horizons, nor will in the next.
 // Half of the margin is granted to the field, the rest to stress and time.
 void Ensemble::put_to_sleep(double field_step) {
+  if (follows_) return;
   const auto s = sensitivity(at_, at_);
   const double window = horizon(), span = window / constants_.relaxation_time;
   const double limit = negligible_ * std::exp(-1.5) / span;
@@ -140,16 +171,7 @@ void Ensemble::put_to_sleep(double field_step) {
     if (!s.ordered) falling = rising = falling + rising;
     const double growth_falling = growth(falling), growth_rising = growth(rising);
     const double margin_falling = std::log(growth_falling), margin_rising = std::log(growth_rising);
-    const std::size_t last = --awake_;
-    asleep_plus_ += columns_[weight][i] * columns_[plus][i];
-    asleep_minus_ += columns_[weight][i] * columns_[minus][i];
-    if (i != last) {
-      swap_rows(i, last);
-      for (std::size_t j = 0; j < 4; ++j) {
-        now_.log_rate[j][i] = now_.log_rate[j][last];
-        now_.rate[j][i] = now_.rate[j][last];
-      }
-    }
+    const std::size_t last = put_row_to_sleep(i);
     bounds_[lowest_field][last] = at_.field - field_share * margin_falling;
     bounds_[highest_field][last] = at_.field + field_share * margin_rising;
     bounds_[longest_stress_path][last] =
@@ -163,6 +185,7 @@ const Means& Ensemble::propose(double h, const Loads& at, const Loads& bend) {
   const double stress_path = stress_path_ + std::abs(at.stress - at_.stress) + 2 * std::abs(bend.stress);
   wake(at, stress_path, time_ + h);
   proposed_at_ = at;
+  bend_ = bend;
   proposed_h_ = h;
   held_ = at.field == at_.field && at.stress == at_.stress && bend.field == 0 && bend.stress == 0 &&
           constants_.polarization == polarization_then_;
@@ -174,6 +197,20 @@ const Means& Ensemble::propose(double h, const Loads& at, const Loads& bend) {
   domain_steps_ += awake_;
   proposed_ = {result.plus + asleep_plus_, result.minus + asleep_minus_, result.plus_rate, result.minus_rate};
   return proposed_;
+}
+
+Ensemble::Proposal Ensemble::proposal() {
+  return {constants_,
+          polarization_then_,
+          domains(),
+          awake_,
+          size_,
+          proposed_h_,
+          {at_, proposed_at_, bend_},
+          now_.columns(),
+          held_ ? now_.columns() : then_.columns(),
+          then_plus_.data(),
+          then_minus_.data()};
 }
 
 void Ensemble::accept() {

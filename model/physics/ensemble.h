@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "model/physics/domains.h"
@@ -15,6 +16,12 @@
 #include "model/physics/kinetics.h"
 
 namespace ferrobench::model {
+
+// Rows of an ensemble that wake in a step and that fall asleep after it, in this order. Each changes its
+// place with the first asleep or the last awake.
+struct InactiveSetChange {
+  std::vector<std::size_t> woken, slept;
+};
 
 class Ensemble final : public Kinetics {
  public:
@@ -28,6 +35,27 @@ class Ensemble final : public Kinetics {
   void set_polarization(double polarization) override { constants_.polarization = polarization; }
   std::uint64_t domain_steps() const override { return domain_steps_; }
 
+  // From now on rows wake and fall asleep only as they are told, from the virgin state on.
+  void follow() { follows_ = true; }
+  void wake(const std::vector<std::size_t>& rows);
+  void put_to_sleep(const std::vector<std::size_t>& rows);
+  // What has changed since this was last called, or since the start; kept from the first call of record() on.
+  void record() { records_ = true; }
+  InactiveSetChange take_change() { return std::exchange(change_, {}); }
+
+  // What the last proposal came from.
+  struct Proposal {
+    const KineticConstants& constants;
+    double polarization_then;  // P_+ of the rates before
+    DomainColumns domains;     // rows that are awake first, with the fractions at the step's start
+    std::size_t awake, size;
+    double h;
+    LoadPath path;
+    RateColumns before, after;
+    const double *plus, *minus;  // fractions at its end
+  };
+  Proposal proposal();
+
  private:
   enum Column { barrier, inverse_barrier, field, stress, weight, plus, minus, column_count };
   struct Rates {
@@ -37,6 +65,9 @@ class Ensemble final : public Kinetics {
 
   DomainColumns domains(std::size_t first = 0) const;
   void swap_rows(std::size_t i, std::size_t j);
+  // The row that becomes the last one awake, or the first asleep.
+  void wake_row(std::size_t i);
+  std::size_t put_row_to_sleep(std::size_t i);
   // Bounds on |d ln(rate)| per field [m/V] and per stress [1/Pa] for loads up to these.
   struct Sensitivity {
     double field = 0, stress = 0;
@@ -58,8 +89,9 @@ class Ensemble final : public Kinetics {
   double asleep_plus_ = 0, asleep_minus_ = 0;
   Rates now_, then_;
   std::vector<double> then_plus_, then_minus_, outflow_falling_, outflow_rising_;
-  Loads at_{}, proposed_at_{};
-  bool held_ = false;
+  Loads at_{}, proposed_at_{}, bend_{};
+  bool held_ = false, follows_ = false, records_ = false;
+  InactiveSetChange change_;
   double polarization_then_ = 0;                                         // P_+ of the rates `now_`
   double largest_field_ = 0, largest_stress_ = 0, largest_barrier_ = 0;  // of the internal loads and barriers
   double time_ = 0, stress_path_ = 0, proposed_h_ = 0;

@@ -9,11 +9,13 @@
 namespace ferrobench::model {
 
 // Means over all domains.
-struct Means {
-  double plus = 1, minus = 0;            // <x+>, <x->
-  double plus_rate = 0, minus_rate = 0;  // d/dt, 1/s
-  double ninety() const { return 1 - plus - minus; }
+template <class T>
+struct MeansOf {
+  T plus = 1, minus = 0;            // <x+>, <x->
+  T plus_rate = 0, minus_rate = 0;  // d/dt, 1/s
+  T ninety() const { return 1 - plus - minus; }
 };
+using Means = MeansOf<double>;
 
 class Kinetics {
  public:

@@ -12,30 +12,37 @@
 // With a linear spring and no terms sigma is solved in closed form, else by the secant method on sigma. With
 // a mass, N = k_act (x_free - x), x_free being x at N = 0; x follows as the oscillator of stiffness k_act +
 // dF_spring/dx, exactly for x_free linear over the step.
+//
+// With numbers that carry tangents the root is found by Newton's method, from the stress that the caller
+// gives, and gets its tangents by the implicit function theorem.
 #pragma once
 
+#include "model/physics/implicit.h"
 #include "model/physics/oscillator.h"
 #include "model/physics/ports.h"
 
 namespace ferrobench::model {
 
+template <class T>
 struct Equilibrium {
-  double stress = 0;        // Pa
-  double displacement = 0;  // m
-  double strain = 0;        // 1, active material
-  double force = 0;         // N, at the load cell
+  T stress = 0;        // Pa
+  T displacement = 0;  // m
+  T strain = 0;        // 1, active material
+  T force = 0;         // N, at the load cell
 };
 
+template <class T>
 class Mechanics {
  public:
-  Mechanics(const Model& model, Ports& ports);
+  Mechanics(const ModelOf<T>& model, PortsOf<T>& ports);
 
   // True if stress does not depend on the material's state: nothing pushes back.
   bool stress_is_constant() const;
-  void start(MaterialState& at);
+  void start(MaterialState<T>& at);
   // The equilibrium after `h` with fractions, field and time of `end`, whose stress and strain are filled in.
-  Equilibrium propose(double h, MaterialState& end) const;
-  void accept(double h, MaterialState& end);
+  // With tangents, the stress of `end` is where the search for the root begins.
+  Equilibrium<T> propose(const T& h, MaterialState<T>& end) const;
+  void accept(const T& h, MaterialState<T>& end);
   // Longest step, s, that shows the kinetics the ringing of the mass as long as it would change a rate
   // noticeably, for a field that goes on at `slew` [V/m/s]. Infinite without a mass.
   double largest_step(double slew) const;
@@ -43,37 +50,39 @@ class Mechanics {
  private:
   // Of the mass, at the last accepted step.
   struct Moving {
-    Motion motion;
-    double free_extension = 0;   // m
-    double steady_velocity = 0;  // m/s, that the step went towards
-    double slew = 0;             // V/m/s
-    MaterialState material;
+    MotionOf<T> motion;
+    T free_extension = 0;   // m
+    T steady_velocity = 0;  // m/s, that the step went towards
+    T slew = 0;             // V/m/s
+    MaterialState<T> material;
   };
 
-  double mean_compliance(const MaterialState& s) const;
-  double strain_without_terms(const MaterialState& s, double stress) const;
-  double spring_force(double extension) const;
-  double spring_slope(double extension) const;
-  double prestress(double time) const;
-  double friction_state(double extension) const;
-  double friction(double extension) const;
-  Equilibrium linear(const MaterialState& s) const;
-  Equilibrium general(double h, MaterialState& end) const;
+  double balance() const;
+  T mean_compliance(const MaterialState<T>& s) const;
+  T strain_without_terms(const MaterialState<T>& s, const T& stress) const;
+  T spring_force(const T& extension) const;
+  T spring_slope(const T& extension) const;
+  T prestress(const T& time) const;
+  T friction_state(const T& extension) const;
+  T friction(const T& extension) const;
+  Equilibrium<T> linear(const MaterialState<T>& s) const;
+  Equilibrium<T> general(const T& h, MaterialState<T>& end) const;
+  Equilibrium<T> by_newton(const T& h, MaterialState<T>& end) const;
   // Fills in all that follows from this stress, and gives the force that is missing for balance, Pa.
-  double unbalanced(double h, double stress, MaterialState& end, Equilibrium& out) const;
-  double actuator_stiffness(const MaterialState& s) const;
-  double free_extension(const MaterialState& s, const Equilibrium& e) const;
-  Oscillator oscillator(const MaterialState& s) const;
-  Motion move(double h, const MaterialState& end, const Equilibrium& e) const;
-  Moving moved(double h, const MaterialState& end, const Equilibrium& e) const;
+  T unbalanced(const T& h, const T& stress, MaterialState<T>& end, Equilibrium<T>& out) const;
+  T actuator_stiffness(const MaterialState<T>& s) const;
+  T free_extension(const MaterialState<T>& s, const Equilibrium<T>& e) const;
+  OscillatorOf<T> oscillator(const MaterialState<T>& s) const;
+  MotionOf<T> move(const T& h, const MaterialState<T>& end, const Equilibrium<T>& e) const;
+  Moving moved(const T& h, const MaterialState<T>& end, const Equilibrium<T>& e) const;
 
-  Material material_;
-  Actuator actuator_;
-  Load load_;
-  Ports& ports_;
+  MaterialOf<T> material_;
+  ActuatorOf<T> actuator_;
+  LoadOf<T> load_;
+  PortsOf<T>& ports_;
   bool linear_ = true;
-  double strain_at_rest_ = 0;
-  double last_extension_ = 0, friction_state_ = 0;
+  T strain_at_rest_ = 0;
+  T last_extension_ = 0, friction_state_ = 0;
   std::optional<Moving> moving_;  // empty before the start, or without a mass
 };
 

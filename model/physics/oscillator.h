@@ -1,45 +1,53 @@
 // The linear oscillator m x'' + c x' + k x = f, exact for a force that goes linearly over the step.
 #pragma once
 
-#include <cmath>
+#include "model/physics/dual.h"
 
 namespace ferrobench::model {
 
-struct Oscillator {
-  double mass = 1;                                                  // kg
-  double damping = 0;                                               // c, N s/m
-  double stiffness = 1;                                             // k, N/m
-  double frequency() const { return std::sqrt(stiffness / mass); }  // undamped, rad/s
+template <class T>
+struct OscillatorOf {
+  T mass = 1;                                             // kg
+  T damping = 0;                                          // c, N s/m
+  T stiffness = 1;                                        // k, N/m
+  T frequency() const { return sqrt(stiffness / mass); }  // undamped, rad/s
 };
+using Oscillator = OscillatorOf<double>;
 
-struct Motion {
-  double position = 0;  // m
-  double velocity = 0;  // m/s
+template <class T>
+struct MotionOf {
+  T position = 0;  // m
+  T velocity = 0;  // m/s
 };
+using Motion = MotionOf<double>;
 
 // The motion that a force `f` rising at `rate` [N/s] leaves when all ringing has gone.
-inline Motion steady(const Oscillator& o, double f, double rate) {
+template <class T>
+MotionOf<T> steady(const OscillatorOf<T>& o, const std::type_identity_t<T>& f,
+                   const std::type_identity_t<T>& rate) {
   return {(f - o.damping * rate / o.stiffness) / o.stiffness, rate / o.stiffness};
 }
 
-inline Motion swing(const Oscillator& o, const Motion& from, double f0, double f1, double h) {
+template <class T>
+MotionOf<T> swing(const OscillatorOf<T>& o, const MotionOf<T>& from, const std::type_identity_t<T>& f0,
+                  const std::type_identity_t<T>& f1, const std::type_identity_t<T>& h) {
   if (h <= 0) return from;
-  const double rate = (f1 - f0) / h;
-  const Motion before = steady(o, f0, rate), after = steady(o, f1, rate);
-  const double e = from.position - before.position, v = from.velocity - before.velocity;
+  const T rate = (f1 - f0) / h;
+  const MotionOf<T> before = steady(o, f0, rate), after = steady(o, f1, rate);
+  const T e = from.position - before.position, v = from.velocity - before.velocity;
   // With g = c / 2m: cosine = e^-gh cos(wh), sine = e^-gh sin(wh) / w, or their hyperbolic kin.
-  const double g = 0.5 * o.damping / o.mass, square = o.stiffness / o.mass;
-  const double difference = square - g * g, w = std::sqrt(std::abs(difference));
-  double cosine = 0, sine = 0;
+  const T g = 0.5 * o.damping / o.mass, square = o.stiffness / o.mass;
+  const T difference = square - g * g, w = sqrt(abs(difference));
+  T cosine = 0, sine = 0;
   if (w * h < 1e-4) {
-    cosine = std::exp(-g * h);
+    cosine = exp(-g * h);
     sine = h * cosine;
   } else if (difference > 0) {
-    cosine = std::exp(-g * h) * std::cos(w * h);
-    sine = std::exp(-g * h) * std::sin(w * h) / w;
+    cosine = exp(-g * h) * cos(w * h);
+    sine = exp(-g * h) * sin(w * h) / w;
   } else {
     // The slow root as a quotient, for g - w would cancel.
-    const double slow = std::exp(-square / (g + w) * h), fast = std::exp(-(g + w) * h);
+    const T slow = exp(-square / (g + w) * h), fast = exp(-(g + w) * h);
     cosine = 0.5 * (slow + fast);
     sine = 0.5 * (slow - fast) / w;
   }

@@ -7,44 +7,61 @@
 namespace ferrobench::model {
 namespace {
 
-double mean_exp(double a, double b) {
-  const double change = b - a;
-  return std::abs(change) < 1e-6 ? std::exp(0.5 * (a + b)) : (std::exp(b) - std::exp(a)) / change;
+template <class T>
+T mean_exp(const T& a, const T& b) {
+  const T change = b - a;
+  return abs(change) < 1e-6 ? exp(0.5 * (a + b)) : (exp(b) - exp(a)) / change;
+}
+
+// force_at with the slope of the branch's line.
+double force_on(std::span<const CriticalForcePoint> branch, double fraction) {
+  return force_at(branch, fraction);
+}
+DualNumber force_on(std::span<const CriticalForcePoint> branch, const DualNumber& fraction) {
+  constexpr double reach = 1e-7;  // within a line's rounding, far below the distance of points
+  const double slope =
+      (force_at(branch, fraction.value + reach) - force_at(branch, fraction.value - reach)) / (2 * reach);
+  return fraction.chain(force_at(branch, fraction.value), slope);
 }
 
 }  // namespace
 
-Parametrized::Parametrized(const Model& model, const KineticConstants& constants)
-    : constants_(constants),
-      barrier_(model.material.barrier),
-      critical_(model.polycrystal.critical_force.value()),
-      shift_(critical_.prestress_shift * (model.load.prestress - critical_.prestress)) {}
+Parametrized::Parametrized(const Model& model, const KineticConstants& constants) : law_(model, constants) {}
 
-Parametrized::Rates Parametrized::rates(const Loads& at, double plus) const {
-  const double force = driving_forces(constants_, at).plus_90;
-  const double out = force + 4 * barrier_ - force_at(critical_.unload, plus) - shift_;
-  const double back = -force + 4 * barrier_ + force_at(critical_.load, plus) + shift_;
-  return {-constants_.inverse_energy * barrier_equal_curvature(out, barrier_),
-          -constants_.inverse_energy * barrier_equal_curvature(back, barrier_)};
+template <class T>
+typename ParametrizedLaw<T>::Rates ParametrizedLaw<T>::rates(const LoadsOf<T>& at, const T& plus) const {
+  const T force = driving_forces(constants, at).plus_90;
+  const T out = force + 4 * barrier - force_on(critical.unload, plus) - shift;
+  const T back = -force + 4 * barrier + force_on(critical.load, plus) + shift;
+  return {-constants.inverse_energy * barrier_equal_curvature(out, barrier),
+          -constants.inverse_energy * barrier_equal_curvature(back, barrier)};
 }
 
-double Parametrized::slope(const Rates& r, double plus) const {
-  return ((1 - plus) * std::exp(r.log_back) - plus * std::exp(r.log_out)) / constants_.relaxation_time;
+template <class T>
+T ParametrizedLaw<T>::slope(const Rates& r, const T& plus) const {
+  return ((1 - plus) * exp(r.log_back) - plus * exp(r.log_out)) / constants.relaxation_time;
 }
+
+template <class T>
+T ParametrizedLaw<T>::miss(const T& h, const Rates& from, const T& plus, const LoadsOf<T>& to,
+                           const T& end) const {
+  const T span = h / constants.relaxation_time;
+  const Rates r = rates(to, end);
+  const T out = span * mean_exp(from.log_out, r.log_out), back = span * mean_exp(from.log_back, r.log_back);
+  const T total = out + back;
+  if (total <= 0) return plus - end;
+  const T kept = exp(-total);
+  return plus * kept + back * (-expm1(-total) / total) - end;
+}
+
+template struct ParametrizedLaw<double>;
+template struct ParametrizedLaw<DualNumber>;
 
 // The end of a step whose rates depend on the end: a root in [0, 1], by bisection refined with the secant
 // (Illinois).
-double Parametrized::step(double h, const Rates& from, double plus, const Loads& to) const {
-  const double span = h / constants_.relaxation_time;
-  const auto miss = [&](double end) {
-    const Rates r = rates(to, end);
-    const double out = span * mean_exp(from.log_out, r.log_out),
-                 back = span * mean_exp(from.log_back, r.log_back);
-    const double total = out + back;
-    if (total <= 0) return plus - end;
-    const double kept = std::exp(-total);
-    return plus * kept + back * (-std::expm1(-total) / total) - end;
-  };
+double Parametrized::step(double h, const ParametrizedLaw<double>::Rates& from, double plus,
+                          const Loads& to) const {
+  const auto miss = [&](double end) { return law_.miss(h, from, plus, to, end); };
   double low = 0, high = 1, at_low = miss(low), at_high = miss(high);
   if (at_low <= 0) return low;
   if (at_high >= 0) return high;
@@ -72,15 +89,15 @@ double Parametrized::step(double h, const Rates& from, double plus, const Loads&
 void Parametrized::start(const Loads& at) {
   at_ = at;
   means_ = {};
-  means_.plus_rate = slope(rates(at, 1), 1);
+  means_.plus_rate = law_.slope(law_.rates(at, 1), 1);
 }
 
 const Means& Parametrized::propose(double h, const Loads& at, const Loads&) {
   proposed_at_ = at;
   ++steps_;
   proposed_ = {};
-  proposed_.plus = step(h, rates(at_, means_.plus), means_.plus, at);
-  proposed_.plus_rate = slope(rates(at, proposed_.plus), proposed_.plus);
+  proposed_.plus = step(h, law_.rates(at_, means_.plus), means_.plus, at);
+  proposed_.plus_rate = law_.slope(law_.rates(at, proposed_.plus), proposed_.plus);
   return proposed_;
 }
 

@@ -14,9 +14,32 @@
 // x- stays zero: for fields that do not repole (0 .. 1.5 kV/mm).
 #pragma once
 
+#include "model/physics/implicit.h"
 #include "model/physics/kinetics.h"
 
 namespace ferrobench::model {
+
+template <class T>
+struct ParametrizedLaw {
+  explicit ParametrizedLaw(const ModelOf<T>& model, const KineticConstantsOf<T>& its_constants)
+      : constants(its_constants),
+        barrier(model.material.barrier),
+        critical(model.polycrystal.critical_force.value()),
+        shift(critical.prestress_shift * (model.load.prestress - critical.prestress)) {}
+
+  struct Rates {
+    T log_out = 0, log_back = 0;  // ln(tau r) of + -> 90 and 90 -> +
+  };
+  Rates rates(const LoadsOf<T>& at, const T& plus) const;
+  T slope(const Rates& r, const T& plus) const;  // dx+/dt, 1/s
+  // What a step that begins with `plus` and the rates `from` misses `end` by, if it ends at the loads `to`.
+  T miss(const T& h, const Rates& from, const T& plus, const LoadsOf<T>& to, const T& end) const;
+
+  KineticConstantsOf<T> constants;
+  T barrier;
+  CriticalForce critical;
+  T shift;  // J/m^3, of both branches by prestress
+};
 
 class Parametrized final : public Kinetics {
  public:
@@ -26,21 +49,13 @@ class Parametrized final : public Kinetics {
   const Means& means() const override { return means_; }
   const Means& propose(double h, const Loads& at, const Loads& bend) override;
   void accept() override;
-  void set_polarization(double polarization) override { constants_.polarization = polarization; }
+  void set_polarization(double polarization) override { law_.constants.polarization = polarization; }
   std::uint64_t domain_steps() const override { return steps_; }
 
  private:
-  struct Rates {
-    double log_out = 0, log_back = 0;  // ln(tau r) of + -> 90 and 90 -> +
-  };
-  Rates rates(const Loads& at, double plus) const;
-  double step(double h, const Rates& from, double plus, const Loads& to) const;
-  double slope(const Rates& r, double plus) const;
+  double step(double h, const ParametrizedLaw<double>::Rates& from, double plus, const Loads& to) const;
 
-  KineticConstants constants_;
-  double barrier_;
-  CriticalForce critical_;
-  double shift_;  // J/m^3, of both branches by prestress
+  ParametrizedLaw<double> law_;
   Loads at_, proposed_at_;
   Means means_, proposed_;
   std::uint64_t steps_ = 0;

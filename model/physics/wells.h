@@ -10,36 +10,43 @@
 #pragma once
 
 #include "model/model.h"
+#include "model/physics/dual.h"
 
 namespace ferrobench::model {
 
 inline constexpr double boltzmann = 1.380649e-23;  // J/K
 
-struct Loads {
-  double field = 0;   // V/m
-  double stress = 0;  // Pa
+template <class T>
+struct LoadsOf {
+  T field = 0;   // V/m
+  T stress = 0;  // Pa
 };
+using Loads = LoadsOf<double>;
 
+template <class T>
 struct DrivingForces {
-  double plus_90 = 0;   // F_{+,90}, J/m^3
-  double minus_90 = 0;  // F_{-,90}, J/m^3
+  T plus_90 = 0;   // F_{+,90}, J/m^3
+  T minus_90 = 0;  // F_{-,90}, J/m^3
 };
 
 // The constants of the kinetics in the form the kernel uses.
-struct KineticConstants {
-  double polarization = 0;          // P_+, C/m^2
-  double strain_90 = 0;             // eps_90
-  double piezoelectric = 0;         // d_+, m/V
-  double half_permittivity = 0;     // (kappa_180 - kappa_90) / 2, F/m
-  double half_compliance = 0;       // (s_180 - s_90) / 2, 1/Pa
-  double inverse_energy = 0;        // V / (k T), m^3/J
-  double relaxation_time = 1;       // s
-  double stress_stabilization = 0;  // 1/Pa, barrier of 90 -> +/-180 times (1 + this * max(0, -sigma))
+template <class T>
+struct KineticConstantsOf {
+  T polarization = 0;          // P_+, C/m^2
+  T strain_90 = 0;             // eps_90
+  T piezoelectric = 0;         // d_+, m/V
+  T half_permittivity = 0;     // (kappa_180 - kappa_90) / 2, F/m
+  T half_compliance = 0;       // (s_180 - s_90) / 2, 1/Pa
+  T inverse_energy = 0;        // V / (k T), m^3/J
+  T relaxation_time = 1;       // s
+  T stress_stabilization = 0;  // 1/Pa, barrier of 90 -> +/-180 times (1 + this * max(0, -sigma))
   BarrierLaw law = BarrierLaw::equal_curvature;
 };
+using KineticConstants = KineticConstantsOf<double>;
 
-inline KineticConstants kinetic_constants(const Material& m) {
-  KineticConstants k;
+template <class T>
+KineticConstantsOf<T> kinetic_constants(const MaterialOf<T>& m) {
+  KineticConstantsOf<T> k;
   k.polarization = m.remanent_polarization;
   k.strain_90 = m.remanent_strain_90;
   k.piezoelectric = m.piezoelectric_180;
@@ -51,10 +58,11 @@ inline KineticConstants kinetic_constants(const Material& m) {
   return k;
 }
 
-inline DrivingForces driving_forces(const KineticConstants& k, const Loads& at) {
-  const double even = -k.half_permittivity * at.field * at.field - k.half_compliance * at.stress * at.stress +
-                      at.stress * k.strain_90;
-  const double odd = at.field * (k.polarization + k.piezoelectric * at.stress);
+template <class T>
+DrivingForces<T> driving_forces(const KineticConstantsOf<T>& k, const std::type_identity_t<LoadsOf<T>>& at) {
+  const T even = -k.half_permittivity * at.field * at.field - k.half_compliance * at.stress * at.stress +
+                 at.stress * k.strain_90;
+  const T odd = at.field * (k.polarization + k.piezoelectric * at.stress);
   return {even - odd, even + odd};
 }
 

@@ -1,0 +1,113 @@
+#include "model/physics/ensemble_tangents.h"
+
+#include <algorithm>
+
+namespace ferrobench::model {
+
+EnsembleTangents::EnsembleTangents(const Lattice& lattice, std::size_t parameters)
+    : parameters_(parameters), size_(lattice.nodes.size()), directions_(parameters + 3), lattice_(lattice) {
+  const std::size_t padded = size_ + DomainColumns::padding;
+  for (auto& d : directions_)
+    for (auto* column : {&d.plus, &d.minus}) column->assign(padded, 0.0);
+  for (auto& column : z_) column.assign(padded, 0.0);
+  weight_.assign(padded, 0.0);
+}
+
+void EnsembleTangents::clear(Direction& d) {
+  std::fill(d.plus.begin(), d.plus.end(), 0.0);
+  std::fill(d.minus.begin(), d.minus.end(), 0.0);
+  d.asleep_plus = d.asleep_minus = 0;
+  d.moves = false;
+}
+
+void EnsembleTangents::start(const InactiveSetChange& change) {
+  for (auto& d : directions_) clear(d);
+  for (std::size_t i = 0; i < size_; ++i) {
+    const auto& node = lattice_.nodes[i];
+    z_[0][i] = node.z1;
+    z_[1][i] = node.z2;
+    z_[2][i] = node.z3;
+    weight_[i] = node.weight;
+  }
+  awake_ = size_;
+  put_to_sleep(change.slept);
+}
+
+void EnsembleTangents::swap_rows(std::size_t i, std::size_t j) {
+  for (auto& column : z_) std::swap(column[i], column[j]);
+  std::swap(weight_[i], weight_[j]);
+  for (std::size_t p = 0; p < parameters_; ++p) {
+    auto& d = directions_[p];
+    if (!d.moves) continue;
+    std::swap(d.plus[i], d.plus[j]);
+    std::swap(d.minus[i], d.minus[j]);
+  }
+}
+
+void EnsembleTangents::wake(const std::vector<std::size_t>& rows) {
+  for (const std::size_t i : rows) {
+    for (std::size_t p = 0; p < parameters_; ++p) {
+      auto& d = directions_[p];
+      d.asleep_plus -= weight_[i] * d.plus[i];
+      d.asleep_minus -= weight_[i] * d.minus[i];
+    }
+    swap_rows(i, awake_++);
+  }
+}
+
+void EnsembleTangents::put_to_sleep(const std::vector<std::size_t>& rows) {
+  for (const std::size_t i : rows) {
+    for (std::size_t p = 0; p < parameters_; ++p) {
+      auto& d = directions_[p];
+      d.asleep_plus += weight_[i] * d.plus[i];
+      d.asleep_minus += weight_[i] * d.minus[i];
+    }
+    swap_rows(i, --awake_);
+  }
+}
+
+void EnsembleTangents::step(const Ensemble::Proposal& proposal, const std::vector<Causes>& causes,
+                            std::vector<MeanTangents>& out) {
+  std::vector<FractionTangents> moving;
+  std::vector<std::size_t> which;
+  for (std::size_t n = 0; n < directions_.size(); ++n) {
+    auto& d = directions_[n];
+    if (n >= parameters_ && d.moves) clear(d);
+    d.moves = d.moves || std::any_of(causes[n].begin(), causes[n].end(), [](double c) { return c != 0; });
+    if (!d.moves) continue;
+    moving.push_back({d.plus.data(), d.minus.data(), &causes[n]});
+    which.push_back(n);
+  }
+  const TangentStep step{.h = proposal.h,
+                         .path = proposal.path,
+                         .polarization_before = proposal.polarization_then,
+                         .before = proposal.before,
+                         .after = proposal.after,
+                         .z = {z_[0].data(), z_[1].data(), z_[2].data()}};
+  std::vector<MeanTangents> means;
+  step_tangents(proposal.constants, proposal.domains, proposal.awake, step, moving, means);
+  out.assign(directions_.size(), {});
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    const auto& d = directions_[which[i]];
+    out[which[i]] = means[i];
+    out[which[i]].plus += d.asleep_plus;
+    out[which[i]].minus += d.asleep_minus;
+  }
+}
+
+void EnsembleTangents::settle(const std::array<std::vector<double>, 3>& loads) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto& from = directions_[parameters_ + k];
+    if (!from.moves) continue;
+    for (std::size_t p = 0; p < parameters_; ++p) {
+      const double by = loads[k][p];
+      if (by == 0) continue;
+      auto& d = directions_[p];
+      d.moves = true;
+      for (std::size_t i = 0; i < awake_; ++i) d.plus[i] += by * from.plus[i];
+      for (std::size_t i = 0; i < awake_; ++i) d.minus[i] += by * from.minus[i];
+    }
+  }
+}
+
+}  // namespace ferrobench::model

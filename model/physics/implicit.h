@@ -1,0 +1,46 @@
+// Numbers with tangents as the simulator uses them, and the implicit function theorem on them.
+//
+// Besides the parameters there are directions for the unknowns of equations that are solved by iteration.
+// Where x is a root of f(x, p) = 0, only its value comes from the iteration. Then everything is evaluated
+// with x moving in a direction of its own, which gives df/dx beside df/dp and dy/dx beside dy/dp, and
+//
+//     dx/dp = -(df/dx)^-1 df/dp,   dy/dp += dy/dx dx/dp
+//
+// for every y that follows from x. No derivative goes through the iterations.
+#pragma once
+
+#include "model/physics/dual.h"
+
+namespace ferrobench::model {
+
+// Parameters that one DualNumber carries: the more, the seldomer the values are computed again; few enough
+// that little is carried in vain.
+inline constexpr std::size_t parameter_directions = 12;
+// The unknowns at a step's end, and one of equations within that.
+inline constexpr std::size_t field_direction = 12, stress_direction = 13, bend_direction = 14,
+                             implicit_direction = 15;
+using DualNumber = Dual<16>;
+
+template <class T>
+T unknown(double value, std::size_t direction) {
+  T out(value);
+  out.tangent[direction] = 1;
+  return out;
+}
+
+// dx/dp of the root x of f, which moves in implicit_direction.
+inline std::array<double, implicit_direction> implicit_tangents(const DualNumber& f) {
+  std::array<double, implicit_direction> out{};
+  const double inverse = -1 / f.tangent[implicit_direction];
+  for (std::size_t i = 0; i < implicit_direction; ++i) out[i] = f.tangent[i] * inverse;
+  return out;
+}
+
+// Puts the root's tangents in the place of its direction.
+inline void eliminate(DualNumber& y, const std::array<double, implicit_direction>& moves) {
+  const double slope = y.tangent[implicit_direction];
+  for (std::size_t i = 0; i < implicit_direction; ++i) y.tangent[i] += slope * moves[i];
+  y.tangent[implicit_direction] = 0;
+}
+
+}  // namespace ferrobench::model
