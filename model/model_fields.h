@@ -1,6 +1,7 @@
 // The fields of the model file (protocols/common/fields.h), and every number of a model by its path.
 #pragma once
 
+#include <cmath>
 #include <string>
 
 #include "model/model.h"
@@ -89,6 +90,7 @@ struct NumberVisitor {
     if constexpr (std::is_same_v<Field, std::int64_t>) {
       T number = static_cast<T>(field);
       function(path + std::string(name), number);
+      field = std::llround(number);
     }
   }
 };

@@ -1,0 +1,314 @@
+#include "model/forward_sensitivities.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <map>
+
+#include "model/model_fields.h"
+
+namespace ferrobench::model {
+namespace {
+
+constexpr std::array<std::size_t, 3> load_directions{field_direction, stress_direction, bend_direction};
+
+}  // namespace
+
+ModelOf<DualNumber> with_tangents(const Model& model, std::span<const std::string> parameters) {
+  ModelOf<DualNumber> out;
+  out.material.barrier_law = model.material.barrier_law;
+  out.polycrystal.method = model.polycrystal.method;
+  out.polycrystal.critical_force = model.polycrystal.critical_force;
+  if (model.actuator.passive_stiffness) out.actuator.passive_stiffness = 0;
+  for (const auto& effect : model.effects) {
+    out.effects.push_back({effect.id, {}});
+    for (const auto& [name, value] : effect.parameters) out.effects.back().parameters.emplace_back(name, 0);
+  }
+  std::map<std::string, double> values;
+  Model plain = model;
+  for_each_number(plain, [&](const std::string& path, double value) { values[path] = value; });
+  for_each_number(out, [&](const std::string& path, DualNumber& number) { number = values.at(path); });
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    if (!values.contains(parameters[i]))
+      throw Error(ErrorCode::invalid_params, "the model has no such number",
+                  Problem{.path = parameters[i], .message = "is not a number of this model"});
+    for_each_number(out, [&](const std::string& path, DualNumber& number) {
+      if (path == parameters[i]) number.tangent.at(i) = 1;
+    });
+  }
+  return out;
+}
+
+ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model& model,
+                                           std::span<const std::string> parameters, const SlopeSpans& out)
+    : state_(state), parameters_(parameters.size()), out_(out) {
+  for (std::size_t first = 0; first < parameters_; first += parameter_directions) {
+    const std::size_t count = std::min(parameter_directions, parameters_ - first);
+    auto part = std::make_unique<Part>(with_tangents(model, parameters.subspan(first, count)));
+    part->first = first;
+    part->count = count;
+    if (state.ensemble == nullptr) part->law.emplace(part->around.model, part->around.constants);
+    parts_.push_back(std::move(part));
+  }
+  if (state.ensemble != nullptr) {
+    domains_.emplace(state.lattice, parameters_);
+    state.ensemble->record();
+  }
+  causes_.assign(parameters_ + load_directions.size(), {});
+  constexpr std::array<Cause, 3> load_causes{Cause::field_after, Cause::stress_after, Cause::bend};
+  if (state.coupled)
+    for (std::size_t k = state.by_rates ? 0 : 1; k < load_causes.size(); ++k)
+      causes_[parameters_ + k][static_cast<std::size_t>(load_causes[k])] = 1;
+}
+
+void ForwardSensitivities::start(double field) {
+  for (auto& part : parts_) {
+    auto& around = part->around;
+    around.start(field);
+    part->at = part->at_before = {around.material.field, around.material.stress};
+    part->polarization = part->polarization_before = around.remanent(0);
+    part->trial = {};
+    part->bend = 0;
+    if (part->law) {
+      around.means.plus_rate = part->law->slope(part->law->rates(part->at, 1), 1);
+      continue;
+    }
+    for (std::size_t p = 0; p < part->count; ++p) causes_[part->first + p] = causes_of(*part, p);
+  }
+  if (domains_) {
+    // The rates are those at the end of a step that takes no time.
+    domains_->start(state_.ensemble->take_change());
+    auto proposal = state_.ensemble->proposal();
+    proposal.h = 0;
+    proposal.path = {proposal.path.from, proposal.path.from, {}};
+    proposal.after = proposal.before;
+    domains_->step(proposal, causes_, means_);
+    for (auto& part : parts_) {
+      take_means(*part, state_.means);
+      part->around.means = part->trial.means;
+      for (auto* mean : {&part->around.means.plus_rate, &part->around.means.minus_rate})
+        for (const std::size_t k : load_directions) mean->tangent[k] = 0;
+    }
+  }
+  for (auto& part : parts_) part->around.start_sensors();
+  stepping_ = false;
+}
+
+void ForwardSensitivities::play(const FieldPiece& command, std::size_t pieces) {
+  for (auto& part : parts_) {
+    part->pieces = part->around.driven({command.duration, command.from, command.to});
+    if (part->pieces.size() != pieces)
+      throw Error(ErrorCode::internal, "the amplifier's pieces are not those of the simulation");
+  }
+  piece_ = pieces;
+}
+
+void ForwardSensitivities::begin_trial(Part& part, const SolvedStep& step, double done) {
+  auto& around = part.around;
+  const auto& piece = part.pieces[step.piece];
+  auto& trial = part.trial;
+  trial = {};
+  trial.h = step.share * piece.duration;
+  trial.h.value = step.trial.h;
+  trial.monitor = step.last ? piece.to : piece.from + (piece.to - piece.from) * done;
+  trial.monitor.value = step.trial.monitor;
+  const auto first_guess = around.guess(trial.h);
+  part.polarization = around.ports.fatigue != 0 ? around.remanent(around.dissipated_by(first_guess))
+                                                : around.constants.polarization;
+  trial.end = around.material;
+  trial.end.field = trial.monitor;
+  if (!around.coupled) {
+    part.at = around.loads_after(trial, first_guess);
+    part.bend = 0;
+    return;
+  }
+  part.at.field = around.by_rates ? unknown<Number>(step.at.field, field_direction) : trial.monitor;
+  part.at.stress = unknown<Number>(step.at.stress, stress_direction);
+  part.bend = unknown<Number>(step.bend.stress, bend_direction);
+}
+
+Causes ForwardSensitivities::causes_of(const Part& part, std::size_t direction) const {
+  Causes out{};
+  const auto set = [&](Cause cause, double by) { out[static_cast<std::size_t>(cause)] = by; };
+  const auto moved = [&](Cause cause, const Number& by) { set(cause, by.tangent[direction]); };
+  const auto relative = [&](const Number& v) { return v.value != 0 ? v.tangent[direction] / v.value : 0.0; };
+  const auto& k = part.around.constants;
+  const auto& p = part.around.model.polycrystal;
+  moved(Cause::field_before, part.at_before.field);
+  moved(Cause::field_after, part.at.field);
+  moved(Cause::stress_before, part.at_before.stress);
+  moved(Cause::stress_after, part.at.stress);
+  moved(Cause::bend, part.bend);
+  moved(Cause::polarization_before, part.polarization_before);
+  moved(Cause::polarization_after, part.polarization);
+  moved(Cause::strain_90, k.strain_90);
+  moved(Cause::piezoelectric, k.piezoelectric);
+  moved(Cause::half_permittivity, k.half_permittivity);
+  moved(Cause::half_compliance, k.half_compliance);
+  moved(Cause::stabilization, k.stress_stabilization);
+  set(Cause::log_energy, relative(k.inverse_energy));
+  set(Cause::log_span, relative(part.trial.h) - relative(k.relaxation_time));
+  set(Cause::log_barrier, relative(part.around.model.material.barrier));
+  moved(Cause::barrier_log_std, p.barrier_log_std);
+  moved(Cause::internal_field, p.bias_field);
+  moved(Cause::internal_field_std, p.interaction_field_std);
+  moved(Cause::internal_stress_std, p.interaction_stress_std);
+  return out;
+}
+
+// The means at the end of the trial from what the domains' step gave.
+void ForwardSensitivities::take_means(Part& part, const Means& means) {
+  const Number& tau = part.around.constants.relaxation_time;
+  const auto number = [&](double value, double MeanTangents::*member) {
+    Number out(value);
+    for (std::size_t p = 0; p < part.count; ++p) out.tangent[p] = means_[part.first + p].*member;
+    for (std::size_t k = 0; k < load_directions.size(); ++k)
+      out.tangent[load_directions[k]] = means_[parameters_ + k].*member;
+    return out;
+  };
+  part.trial.means = {number(means.plus, &MeanTangents::plus), number(means.minus, &MeanTangents::minus),
+                      number(means.plus_rate * tau.value, &MeanTangents::plus_rate) / tau,
+                      number(means.minus_rate * tau.value, &MeanTangents::minus_rate) / tau};
+}
+
+// The loads' own tangents, by the implicit function theorem, and with them those of all that has moved with
+// the loads.
+ForwardSensitivities::LoadTangents ForwardSensitivities::end_trial(Part& part) {
+  auto& around = part.around;
+  auto& trial = part.trial;
+  LoadTangents loads{};
+  if (!around.coupled) {
+    around.loads_after(trial, trial.means);
+  } else {
+    trial.end.field = part.at.field + around.drag(trial.means);
+    trial.end.stress = part.at.stress;
+    const auto answer = around.loads_after(trial, trial.means);
+    const std::array<Number, 3> residual{answer.field - part.at.field, answer.stress - part.at.stress,
+                                         around.bend(trial).stress - part.bend};
+    Eigen::Matrix3d slope;
+    Eigen::Matrix<double, 3, Eigen::Dynamic> moves(3, static_cast<Eigen::Index>(part.count));
+    for (int i = 0; i < 3; ++i) {
+      const auto& r = residual[static_cast<std::size_t>(i)];
+      for (int k = 0; k < 3; ++k) slope(i, k) = r.tangent[load_directions[static_cast<std::size_t>(k)]];
+      for (std::size_t p = 0; p < part.count; ++p) moves(i, static_cast<Eigen::Index>(p)) = r.tangent[p];
+    }
+    if (!around.by_rates) {  // the field is given
+      slope(0, 0) = -1;
+      moves.row(0).setZero();
+    }
+    moves = -slope.inverse() * moves;
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t p = 0; p < part.count; ++p)
+        loads[k][p] = moves(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(p));
+    auto& end = trial.end;
+    auto& e = trial.equilibrium;
+    auto& m = trial.means;
+    for (Number* y :
+         {&m.plus, &m.minus, &m.plus_rate, &m.minus_rate, &end.field, &end.stress, &end.plus, &end.minus,
+          &end.switched_polarization, &end.instant_strain, &e.stress, &e.displacement, &e.strain, &e.force,
+          &trial.resistance_input, &part.at.field, &part.at.stress, &part.bend})
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double by = std::exchange(y->tangent[load_directions[k]], 0.0);
+        for (std::size_t p = 0; p < part.count; ++p) y->tangent[p] += by * loads[k][p];
+      }
+  }
+  trial.dissipation = around.dissipated_by(trial.means);
+  return loads;
+}
+
+void ForwardSensitivities::solved(const SolvedStep& step) {
+  if (step.piece != piece_) {
+    piece_ = step.piece;
+    done_ = 0;
+    for (auto& part : parts_) {
+      part->around.turn();
+      part->piece_start = part->around.material.time;
+    }
+  }
+  done_ += step.share;
+  last_ = step.last;
+  for (auto& part : parts_) {
+    begin_trial(*part, step, done_);
+    if (!part->law) {
+      for (std::size_t p = 0; p < part->count; ++p) causes_[part->first + p] = causes_of(*part, p);
+      continue;
+    }
+    const auto& law = *part->law;
+    const auto from = law.rates(part->at_before, part->around.means.plus);
+    Number plus = unknown<Number>(step.trial.means.plus, implicit_direction);
+    const auto moves =
+        implicit_tangents(law.miss(part->trial.h, from, part->around.means.plus, part->at, plus));
+    Number rate = law.slope(law.rates(part->at, plus), plus);
+    eliminate(plus, moves);
+    eliminate(rate, moves);
+    part->trial.means = {plus, 0, rate, 0};
+  }
+  std::array<std::vector<double>, 3> loads;
+  for (auto& row : loads) row.resize(parameters_);
+  if (domains_) {
+    domains_->wake(state_.ensemble->take_change().woken);
+    domains_->step(state_.ensemble->proposal(), causes_, means_);
+  }
+  for (auto& part : parts_) {
+    if (domains_) take_means(*part, step.trial.means);
+    const auto moves = end_trial(*part);
+    for (std::size_t k = 0; k < 3; ++k)
+      std::copy_n(moves[k].begin(), part->count, loads[k].begin() + static_cast<std::ptrdiff_t>(part->first));
+  }
+  if (domains_ && state_.coupled) domains_->settle(loads);
+  stepping_ = true;
+}
+
+void ForwardSensitivities::put(Part& part, const ChannelValues<Number>& seen, std::size_t row) {
+  const auto write = [&](std::span<double> to, const Number& from) {
+    if (!to.empty())
+      std::copy_n(from.tangent.begin(), part.count,
+                  to.begin() + static_cast<std::ptrdiff_t>(row * parameters_ + part.first));
+  };
+  write(out_.field, seen.field);
+  write(out_.charge, seen.charge);
+  write(out_.displacement, seen.displacement);
+  write(out_.force, seen.force);
+}
+
+void ForwardSensitivities::sense_at(double time, std::size_t row) {
+  for (auto& part : parts_) {
+    if (!stepping_) {
+      put(*part, part->around.sense(part->around.now(), 0), first_row_ + row);
+      continue;
+    }
+    const auto& trial = part->trial;
+    const Number since = std::clamp<Number>(time - part->around.material.time, 0, trial.h);
+    put(*part, part->around.sense(trial, since), first_row_ + row);
+  }
+}
+
+void ForwardSensitivities::sense_within(double share) {
+  for (auto& part : parts_)
+    part->around.sense(part->trial, share < 1 ? share * part->trial.h : part->trial.h);
+}
+
+void ForwardSensitivities::accepted() {
+  for (auto& part : parts_) {
+    part->around.accept(part->trial);
+    part->at_before = part->at;
+    part->polarization_before = part->polarization;
+    if (last_) part->around.material.time = part->piece_start + part->pieces[piece_].duration;
+  }
+  if (last_) piece_ = parts_.empty() ? 0 : parts_.front()->pieces.size();
+  if (domains_) domains_->put_to_sleep(state_.ensemble->take_change().slept);
+  stepping_ = false;
+}
+
+SimulationStatistics simulate_with_slopes(const Model& model, std::span<const std::string> parameters,
+                                          std::span<const double> knot_time,
+                                          std::span<const double> knot_field, std::span<const double> times,
+                                          const ChannelSpans& out, const SlopeSpans& slopes,
+                                          const SimulationOptions& options) {
+  Simulator::State state(model, options);
+  ForwardSensitivities sensitivities(state, model, parameters, slopes);
+  state.observer = &sensitivities;
+  play_knots(state, knot_time, knot_field, times, out, [&](std::size_t done) { sensitivities.begin(done); });
+  return state.statistics;
+}
+
+}  // namespace ferrobench::model
