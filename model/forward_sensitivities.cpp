@@ -75,13 +75,8 @@ void ForwardSensitivities::start(double field) {
     for (std::size_t p = 0; p < part->count; ++p) causes_[part->first + p] = causes_of(*part, p);
   }
   if (domains_) {
-    // The rates are those at the end of a step that takes no time.
     domains_->start(state_.ensemble->take_change());
-    auto proposal = state_.ensemble->proposal();
-    proposal.h = 0;
-    proposal.path = {proposal.path.from, proposal.path.from, {}};
-    proposal.after = proposal.before;
-    domains_->step(proposal, causes_, means_);
+    domains_->step(state_.ensemble->start_proposal(), causes_, means_);
     for (auto& part : parts_) {
       take_means(*part, state_.means);
       part->around.means = part->trial.means;

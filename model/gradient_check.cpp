@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "model/forward_sensitivities.h"
 #include "model/model_fields.h"
@@ -99,6 +100,21 @@ double rms(const std::vector<double>& v) {
   return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, v.size())));
 }
 
+// Slopes by parameter j of `count` against the differences of runs at 2 d, d, -d, -2 d.
+void compare(const std::vector<double>& slopes, std::size_t j, std::size_t count,
+             const std::array<Columns, 4>& runs, std::size_t channel, double d, SlopeCheck& out) {
+  const std::size_t times = runs[0][channel].size();
+  std::vector<double> slope(times), error(times);
+  for (std::size_t i = 0; i < times; ++i) {
+    const auto at = [&](std::size_t run) { return runs[run][channel][i]; };
+    slope[i] = slopes[i * count + j];
+    error[i] = (8 * (at(1) - at(2)) - (at(0) - at(3))) / (12 * d) - slope[i];
+    out.largest = std::max(out.largest, std::abs(slope[i]));
+  }
+  const double size = rms(slope), off = rms(error);
+  out.error = std::min(out.error, off == 0 ? 0 : off / std::max(size, 1e-300));
+}
+
 }  // namespace
 
 std::vector<SlopeCheck> check_gradient(const Model& model, std::span<const CheckedParameter> parameters,
@@ -114,26 +130,28 @@ std::vector<SlopeCheck> check_gradient(const Model& model, std::span<const Check
   std::vector<SlopeCheck> out;
   for (std::size_t j = 0; j < paths.size(); ++j) {
     const double scale = parameters[j].scale != 0 ? parameters[j].scale : std::abs(value_at(model, paths[j]));
-    // Layers are whole, and all is linear in their number.
-    const double d = paths[j] == "actuator.layer_count" ? 1 : options.relative_step * scale;
-    const auto run = [&](double by) {
-      return follow(moved(model, paths[j], by), plan, program, options.simulation);
-    };
-    const auto up = run(d), down = run(-d), far_up = run(2 * d), far_down = run(-2 * d);
+    std::array<SlopeCheck, 4> found;
+    for (std::size_t c = 0; c < channels.size(); ++c)
+      found[c] = {paths[j], channels[c], 0, std::numeric_limits<double>::infinity()};
+    for (const double share : options.relative_steps) {
+      // Layers are whole, and all is linear in their number.
+      const double d = paths[j] == "actuator.layer_count" ? 1 : share * scale;
+      const auto run = [&](double by) {
+        return follow(moved(model, paths[j], by), plan, program, options.simulation);
+      };
+      const std::array<Columns, 4> runs{run(2 * d), run(d), run(-d), run(-2 * d)};
+      bool agrees = true;
+      for (std::size_t c = 0; c < channels.size(); ++c) {
+        compare(slopes[c], j, paths.size(), runs, c, d, found[c]);
+        agrees = agrees && found[c].error < options.enough;
+      }
+      if (agrees) break;
+    }
     for (std::size_t c = 0; c < channels.size(); ++c) {
       const auto [low, high] = std::minmax_element(at[c].begin(), at[c].end());
-      std::vector<double> slope(times.size()), error(times.size());
-      double largest = 0;
-      for (std::size_t i = 0; i < times.size(); ++i) {
-        slope[i] = slopes[c][i * paths.size() + j];
-        const double difference = (8 * (up[c][i] - down[c][i]) - (far_up[c][i] - far_down[c][i])) / (12 * d);
-        error[i] = difference - slope[i];
-        largest = std::max({largest, std::abs(slope[i]), std::abs(difference)});
-      }
-      if (*high == *low && largest == 0) continue;
-      const double range = *high > *low ? *high - *low : std::max(std::abs(*high), 1e-300);
-      out.push_back(
-          {paths[j], channels[c], largest * scale / range, rms(error) / std::max(rms(slope), 1e-300)});
+      if (*high == *low) continue;
+      found[c].largest *= scale / (*high - *low);
+      out.push_back(found[c]);
     }
   }
   return out;

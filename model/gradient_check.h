@@ -18,9 +18,11 @@ namespace ferrobench::model {
 
 struct GradientCheckOptions {
   SimulationOptions simulation;
-  // d as a share of the parameter's magnitude: small enough for O(d^4), large enough for what rounding makes
-  // of the differences.
-  double relative_step = 1e-4;
+  // d as shares of the parameter's magnitude, tried in turn until all channels agree to `enough`: small
+  // enough for O(d^4) and for kinks in the values not to lie within, large enough for what rounding makes of
+  // the differences.
+  std::vector<double> relative_steps{1e-5, 1e-4, 1e-6, 1e-3};
+  double enough = 1e-6;
 };
 
 struct CheckedParameter {
@@ -33,7 +35,8 @@ struct SlopeCheck {
   std::string parameter;
   std::string_view channel;
   double largest = 0;  // |slope| times the parameter's magnitude, as a share of the channel's range
-  // Largest difference from the central one, rms over time, as a share of the slope's own rms.
+  // Difference from the central one, rms over time, as a share of the slope's own rms; the least over the
+  // steps d.
   double error = 0;
 };
 

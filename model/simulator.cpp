@@ -16,14 +16,15 @@ constexpr double error_per_defect = 0.2;
 // trapezoidal rule over means does not see.
 constexpr double late_at_the_end = 1.0 / 24;
 
-// A plan is followed with the loads solved this well, as a share of the switching range: a difference of two
-// such runs is to show slopes, not the coupling's tolerance.
-constexpr double tight = 1e-13;
+// A plan is followed with the loads solved down to rounding: a difference of two such runs is to show slopes,
+// not the coupling's tolerance.
+constexpr Coupling::Accuracy tight{.exact = 1e-14, .good_enough = 1e-6, .evaluations = 40};
 
 }  // namespace
 
 Simulator::State::State(Model given, const SimulationOptions& given_options, const StepPlan* plan)
     : Surroundings<double>(std::move(given)), options(given_options), followed(plan) {
+  if (followed != nullptr) mechanics->solve_tightly();
   if (model.polycrystal.method == PolycrystalMethod::parametrized) {
     kinetics = std::make_unique<Parametrized>(model, constants);
     return;
@@ -80,16 +81,17 @@ bool Simulator::State::solve(Trial<double>& trial) {
   trial.means = first_guess;
   // Behind drag or resistance the loads follow from rates, which mean fractions that hardly move do not
   // bound.
-  const double agreement = by_rates ? 1e-3 : std::numeric_limits<double>::infinity();
-  const double tolerance = followed == nullptr ? 0.05 * options.tolerance : tight;
-  return coupling.solve(at, {field_scale(), stress_scale()}, tolerance, agreement, [&](const Loads& loads) {
-    at = loads;
-    bent = bend(trial);
-    trial.means = kinetics->propose(trial.h, at, bent);
-    trial.end.field = at.field + drag(trial.means);
-    trial.end.stress = at.stress;
-    return Coupling::Answer{loads_after(trial, trial.means), trial.means.plus, trial.means.minus};
-  });
+  const Coupling::Accuracy usual{.tolerance = 0.05 * options.tolerance,
+                                 .agreement = by_rates ? 1e-3 : std::numeric_limits<double>::infinity()};
+  return coupling.solve(
+      at, {field_scale(), stress_scale()}, followed == nullptr ? usual : tight, [&](const Loads& loads) {
+        at = loads;
+        bent = bend(trial);
+        trial.means = kinetics->propose(trial.h, at, bent);
+        trial.end.field = at.field + drag(trial.means);
+        trial.end.stress = at.stress;
+        return Coupling::Answer{loads_after(trial, trial.means), trial.means.plus, trial.means.minus};
+      });
 }
 
 double Simulator::State::defect(const Trial<double>& trial) const {

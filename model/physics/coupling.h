@@ -21,14 +21,23 @@ class Coupling {
 
   void reset() { *this = {}; }
 
+  struct Accuracy {
+    double tolerance = 0;    // of the mean fractions
+    double agreement = 0;    // of the loads, in their scales
+    double exact = 1e-9;     // loads that agree so well are taken whatever the fractions do
+    double good_enough = 0;  // likewise once all evaluations are spent
+    int evaluations = 12;
+  };
+
   // Calls evaluate(loads) until the loads it answers with agree with those given so well that the mean
-  // fractions would not change by more than `tolerance`. False if that does not come about.
+  // fractions would not change by more than the tolerance. False if that does not come about.
   template <class Evaluate>
-  bool solve(Loads first, const Scale& scale, double tolerance, double agreement, Evaluate&& evaluate) {
+  bool solve(Loads first, const Scale& scale, const Accuracy& accuracy, Evaluate&& evaluate) {
     std::array<double, 2> u{first.field / scale.field, first.stress / scale.stress};
     std::array<double, 2> last_u{}, last_residual{};
     double last_plus = 0, last_minus = 0;
-    for (int i = 0; i < 12; ++i) {
+    double size = 0;  // of the last step
+    for (int i = 0; i < accuracy.evaluations; ++i) {
       const Answer answer = evaluate(Loads{u[0] * scale.field, u[1] * scale.stress});
       const std::array<double, 2> residual{answer.loads.field / scale.field - u[0],
                                            answer.loads.stress / scale.stress - u[1]};
@@ -40,8 +49,9 @@ class Coupling {
           sensitivity_ = (abs(answer.plus - last_plus) + abs(answer.minus - last_minus)) / moved;
       }
       const auto step = newton(residual);
-      if (!(norm(step) < 1e6)) break;
-      if (norm(step) < 1e-9 || (norm(step) < agreement && norm(step) * sensitivity_ < tolerance)) {
+      size = norm(step);
+      if (!(size < 1e6)) break;
+      if (size < accuracy.exact || (size < accuracy.agreement && size * sensitivity_ < accuracy.tolerance)) {
         if (i > 0 || known_) {
           known_ = true;
           return true;
@@ -52,10 +62,11 @@ class Coupling {
       last_plus = answer.plus;
       last_minus = answer.minus;
       // A step of many kT says that the slope is wrong, not that the loads are there.
-      const double shorten = norm(step) > 4 ? 4 / norm(step) : 1;
+      const double shorten = size > 4 ? 4 / size : 1;
       u[0] += shorten * step[0];
       u[1] += shorten * step[1];
     }
+    if (size < accuracy.good_enough) return true;
     reset();
     return false;
   }

@@ -213,6 +213,16 @@ Ensemble::Proposal Ensemble::proposal() {
           then_minus_.data()};
 }
 
+Ensemble::Proposal Ensemble::start_proposal() {
+  evaluate_rates(constants_, domains(), size_, at_, then_.columns());
+  auto out = proposal();
+  out.awake = size_;
+  out.h = 0;
+  out.path = {at_, at_, {}};
+  out.before = out.after = then_.columns();
+  return out;
+}
+
 void Ensemble::accept() {
   const double field_step = proposed_at_.field - at_.field;
   stress_path_ += std::abs(proposed_at_.stress - at_.stress);

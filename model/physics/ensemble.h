@@ -55,6 +55,8 @@ class Ensemble final : public Kinetics {
     const double *plus, *minus;  // fractions at its end
   };
   Proposal proposal();
+  // Of all rows in the virgin state, before the first proposal: one that takes no time.
+  Proposal start_proposal();
 
  private:
   enum Column { barrier, inverse_barrier, field, stress, weight, plus, minus, column_count };

@@ -131,7 +131,7 @@ struct Transition {
 
 // The slopes of twice_mean_rate.
 HWY_INLINE Transition mean_slopes(V l0, V l1, V r0, V r1, V twice_bend) {
-  const V zero = hn::Zero(D()), one = set(1.0), two = set(2.0), half = set(0.5);
+  const V one = set(1.0), two = set(2.0), half = set(0.5);
   const V change = l1 - l0, sum = r0 + r1, square = change * change;
   // Below, the quotients cancel; the series in z = change / 2 is exact to 1e-13.
   const auto is_small = hn::Lt(square, set(0.01));
@@ -147,10 +147,9 @@ HWY_INLINE Transition mean_slopes(V l0, V l1, V r0, V r1, V twice_bend) {
   const V bow_0 = ((r0 - two * chord_0) * inverse + two * bow) * inverse;
   const V bow_1 = ((r1 - two * chord_1) * inverse - two * bow) * inverse;
   const V turn = half * middle * z * (set(1.0 / 30) + zz * set(1.0 / 420));
-  const V m1_0 = hn::IfThenElse(is_small, half * flat - turn, bow_0 * one);
-  const V m1_1 = hn::IfThenElse(is_small, half * flat + turn, bow_1 * one);
+  const V m1_0 = hn::IfThenElse(is_small, half * flat - turn, bow_0);
+  const V m1_1 = hn::IfThenElse(is_small, half * flat + turn, bow_1);
   const V weight = twice_bend - square;
-  (void)zero;
   return {r0 + m1_0 * weight + two * m1 * change, r1 + m1_1 * weight - two * m1 * change, m1};
 }
 
@@ -261,7 +260,7 @@ template <class Law>
 HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool, cause_count>& wanted,
                            BlockJacobian& out, std::array<Pair, cause_count>& rates) const {
   const D d;
-  const V zero = hn::Zero(d), one = set(1.0);
+  const V zero = hn::Zero(d), one = set(1.0), minus_one = set(-1.0);
   const End ends[2] = {end_of<Law>(then_, domains_, i), end_of<Law>(to_, domains_, i)};
   const Forces from = forces(from_, domains_, i);
   const V barrier = load(domains_.barrier + i), inverse_barrier = load(domains_.inverse_barrier + i);
@@ -324,18 +323,18 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
                     j < 2 ? Pair{weight * flow[j], zero} : Pair{zero, weight * flow[j]}};
     by_bend[j] = {half_span * mean[j].twice_bend * p.by[j], {zero, zero}};
   }
-  // By the driving forces at both ends, besides by the bend's own force.
-  Effect by_force[2][2], by_bend_force[2];
+  // By the driving forces at both ends: through ln(rate), and with the bend, besides by the bend's own force.
+  Effect by_log_force[2][2], by_force[2][2], by_bend_force[2];
   for (int s = 0; s < 2; ++s) {
     const int out_j = s == 0 ? 0 : 3, back_j = s == 0 ? 1 : 2;
     const Effect by_both = by_bend[out_j] + by_bend[back_j];
     by_bend_force[s] =
         push * ((one - slopes[s][2]) * by_bend[out_j] + hn::Neg(one + slopes[s][2]) * by_bend[back_j]);
     for (int e = 0; e < 2; ++e) {
-      const V sign = e == 0 ? set(-1.0) : one;
-      by_force[e][s] = to_.minus_inverse_energy * (ends[e].slope[out_j].force * by_log[e][out_j] +
-                                                   ends[e].slope[back_j].force * by_log[e][back_j]) +
-                       (sign * slopes[s][0] + slopes[s][1]) * by_both;
+      const V sign = e == 0 ? minus_one : one;
+      by_log_force[e][s] = to_.minus_inverse_energy * (ends[e].slope[out_j].force * by_log[e][out_j] +
+                                                       ends[e].slope[back_j].force * by_log[e][back_j]);
+      by_force[e][s] = by_log_force[e][s] + (sign * slopes[s][0] + slopes[s][1]) * by_both;
     }
   }
   const auto by_even_odd = [&](int e, V even, V odd) HWY_ATTR {
@@ -369,10 +368,14 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
   put(Cause::stress_before, [&]() HWY_ATTR { return by_stress(0); });
   put(Cause::stress_after, [&]() HWY_ATTR { return by_stress(1); });
   put(Cause::bend, [&]() HWY_ATTR { return to_.strain_90 * (by_bend_force[0] + by_bend_force[1]); });
-  for (int e = 0; e < 2; ++e)
-    put(e == 0 ? Cause::polarization_before : Cause::polarization_after, [&]() HWY_ATTR {
-      return by_even_odd(e, zero, ends[e].field) + by_slope(e, &BarrierSlope::polarization);
-    });
+  // The bend knows only P_+ of this step.
+  const Effect start_by_old = ends[0].field * (by_log_force[0][1] + minus_one * by_log_force[0][0]);
+  put(Cause::polarization_before,
+      [&]() HWY_ATTR { return start_by_old + by_slope(0, &BarrierSlope::polarization); });
+  put(Cause::polarization_after, [&]() HWY_ATTR {
+    return by_even_odd(0, zero, ends[0].field) + minus_one * start_by_old +
+           by_even_odd(1, zero, ends[1].field) + by_slope(1, &BarrierSlope::polarization);
+  });
   put(Cause::strain_90, [&]() HWY_ATTR {
     return by_even_odd(0, ends[0].stress, zero) + by_even_odd(1, ends[1].stress, zero) +
            set(step_.path.bend.stress) * (by_bend_force[0] + by_bend_force[1]);

@@ -37,7 +37,7 @@ T Mechanics<T>::mean_compliance(const MaterialState<T>& s) const {
 // What may be missing for balance, Pa: far below what the kinetics notice.
 template <class T>
 double Mechanics<T>::balance() const {
-  return 1e-12 * (std::abs(value_of(load_.prestress)) + 1e6);
+  return balance_ * (std::abs(value_of(load_.prestress)) + 1e6);
 }
 
 template <class T>

@@ -46,6 +46,8 @@ class Mechanics {
   // Longest step, s, that shows the kinetics the ringing of the mass as long as it would change a rate
   // noticeably, for a field that goes on at `slew` [V/m/s]. Infinite without a mass.
   double largest_step(double slew) const;
+  // From now on down to rounding.
+  void solve_tightly() { balance_ = 1e-15; }
 
  private:
   // Of the mass, at the last accepted step.
@@ -81,6 +83,7 @@ class Mechanics {
   LoadOf<T> load_;
   PortsOf<T>& ports_;
   bool linear_ = true;
+  double balance_ = 1e-12;  // of the stress, what may be missing for balance
   T strain_at_rest_ = 0;
   T last_extension_ = 0, friction_state_ = 0;
   std::optional<Moving> moving_;  // empty before the start, or without a mass
