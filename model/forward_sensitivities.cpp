@@ -55,9 +55,12 @@ ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model&
   }
   causes_.assign(parameters_ + load_directions.size(), {});
   constexpr std::array<Cause, 3> load_causes{Cause::field_after, Cause::stress_after, Cause::bend};
-  if (state.coupled)
-    for (std::size_t k = state.by_rates ? 0 : 1; k < load_causes.size(); ++k)
-      causes_[parameters_ + k][static_cast<std::size_t>(load_causes[k])] = 1;
+  for (const auto& part : parts_) {
+    coupled_ = coupled_ || part->around.coupled;
+    if (part->around.coupled)
+      for (std::size_t k = part->around.by_rates ? 0 : 1; k < load_causes.size(); ++k)
+        causes_[parameters_ + k][static_cast<std::size_t>(load_causes[k])] = 1;
+  }
 }
 
 void ForwardSensitivities::start(double field) {
@@ -107,8 +110,8 @@ void ForwardSensitivities::begin_trial(Part& part, const SolvedStep& step, doubl
   trial.monitor = step.last ? piece.to : piece.from + (piece.to - piece.from) * done;
   trial.monitor.value = step.trial.monitor;
   const auto first_guess = around.guess(trial.h);
-  part.polarization = around.ports.fatigue != 0 ? around.remanent(around.dissipated_by(first_guess))
-                                                : around.constants.polarization;
+  part.polarization = !vanishes(around.ports.fatigue) ? around.remanent(around.dissipated_by(first_guess))
+                                                      : around.constants.polarization;
   trial.end = around.material;
   trial.end.field = trial.monitor;
   if (!around.coupled) {
@@ -249,7 +252,7 @@ void ForwardSensitivities::solved(const SolvedStep& step) {
     for (std::size_t k = 0; k < 3; ++k)
       std::copy_n(moves[k].begin(), part->count, loads[k].begin() + static_cast<std::ptrdiff_t>(part->first));
   }
-  if (domains_ && state_.coupled) domains_->settle(loads);
+  if (domains_ && coupled_) domains_->settle(loads);
   stepping_ = true;
 }
 

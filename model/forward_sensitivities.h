@@ -59,7 +59,8 @@ class ForwardSensitivities final : public StepObserver {
   std::vector<Causes> causes_;
   std::vector<MeanTangents> means_;
   std::size_t first_row_ = 0, piece_ = 0;
-  double done_ = 0;  // share of the piece
+  double done_ = 0;       // share of the piece
+  bool coupled_ = false;  // any part
   bool stepping_ = false, last_ = false;
 };
 

@@ -21,7 +21,7 @@ struct GradientCheckOptions {
   // d as shares of the parameter's magnitude, tried in turn until all channels agree to `enough`: small
   // enough for O(d^4) and for kinks in the values not to lie within, large enough for what rounding makes of
   // the differences.
-  std::vector<double> relative_steps{1e-5, 1e-4, 1e-6, 1e-3};
+  std::vector<double> relative_steps{1e-5, 1e-4, 1e-6, 1e-3, 1e-7, 1e-2};
   double enough = 1e-6;
 };
 

@@ -68,7 +68,7 @@ double Simulator::State::path_rate(double slew) const {
 // Solves the step's end: the loads that the kinetics see must be those that the fractions bring about.
 bool Simulator::State::solve(Trial<double>& trial) {
   const auto first_guess = guess(trial.h);
-  if (ports.fatigue != 0) kinetics->set_polarization(remanent(dissipated_by(first_guess)));
+  if (!vanishes(ports.fatigue)) kinetics->set_polarization(remanent(dissipated_by(first_guess)));
   trial.end = material;
   trial.end.field = trial.monitor;
   at = loads_after(trial, first_guess);

@@ -47,7 +47,7 @@ struct Surroundings {
     constants = kinetic_constants(model.material);
     constants.stress_stabilization = ports.stress_stabilization;
     mechanics.emplace(model, ports);
-    by_rates = ports.domain_wall_drag != 0 || ports.source_resistance != 0;
+    by_rates = !vanishes(ports.domain_wall_drag) || !vanishes(ports.source_resistance);
     coupled = !mechanics->stress_is_constant() || by_rates;
   }
   Surroundings(const Surroundings&) = delete;  // mechanics refers to ports
@@ -116,8 +116,9 @@ struct Surroundings {
   }
 
   T remanent(const T& dissipated) const {
-    return ports.fatigue == 0 ? model.material.remanent_polarization
-                              : model.material.remanent_polarization * (1 / (1 + ports.fatigue * dissipated));
+    return vanishes(ports.fatigue)
+               ? model.material.remanent_polarization
+               : model.material.remanent_polarization * (1 / (1 + ports.fatigue * dissipated));
   }
   T permittivity(const MaterialState<T>& s) const {
     return model.material.permittivity_180 +
@@ -171,7 +172,7 @@ struct Surroundings {
   // lag with the permittivity at the step's start. Of the rest of P what switches goes by its rate at the
   // end, all else by its change over the step, taken with the field and stress that the trial has so far.
   T behind_resistance(Trial<T>& trial, const MeansOf<T>& m) const {
-    if (ports.source_resistance == 0) return trial.monitor;
+    if (vanishes(ports.source_resistance)) return trial.monitor;
     const T r = ports.source_resistance, kappa = permittivity(material);
     const T switched = remanent(dissipation) * ((m.plus - m.minus) - (means.plus - means.minus));
     const T change = polarization(trial.end, dissipated_by(m)) - polarization(material, dissipation) -

@@ -124,6 +124,15 @@ double value_of(const Dual<count>& v) {
   return v.value;
 }
 
+// Zero, and stays so whatever the parameters do.
+inline bool vanishes(double v) {
+  return v == 0;
+}
+template <std::size_t count>
+bool vanishes(const Dual<count>& v) {
+  return v.value == 0 && v.tangent == std::array<double, count>{};
+}
+
 // Whether numbers of type T carry tangents.
 template <class T>
 inline constexpr bool has_tangents = false;

@@ -112,8 +112,8 @@ HWY_INLINE End end_of(const Broadcast& k, const DomainColumns& domains, std::siz
         one,
         zero,
         zero};
+  e.squeezed = hn::Max(zero, hn::Neg(f.stress));
   if (k.stabilized) {
-    e.squeezed = hn::Max(zero, hn::Neg(f.stress));
     e.back_factor = one + k.stabilization * e.squeezed;
     e.back_by_stress = hn::IfThenElseZero(hn::Lt(f.stress, zero), hn::Neg(k.stabilization) * barrier);
   }

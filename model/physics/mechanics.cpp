@@ -26,7 +26,7 @@ Mechanics<T>::Mechanics(const ModelOf<T>& model, PortsOf<T>& ports)
 
 template <class T>
 bool Mechanics<T>::stress_is_constant() const {
-  return load_.spring_stiffness == 0 && !ports_.prestress_factor && !ports_.friction && !ports_.inertia;
+  return vanishes(load_.spring_stiffness) && !ports_.prestress_factor && !ports_.friction && !ports_.inertia;
 }
 
 template <class T>
