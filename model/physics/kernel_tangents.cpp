@@ -6,206 +6,10 @@
 #define HWY_TARGET_INCLUDE "model/physics/kernel_tangents.cpp"
 #include <hwy/foreach_target.h>
 // The order matters: the line above makes this file be read once for each instruction set.
-#include "model/physics/kernel-inl.h"
+#include "model/physics/kernel_tangents-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ferrobench::model::HWY_NAMESPACE {
-
-HWY_INLINE V set(double v) {
-  return hn::Set(D(), v);
-}
-HWY_INLINE V load(const double* p) {
-  return hn::LoadU(D(), p);
-}
-
-// What moves both fractions.
-struct Pair {
-  V plus, minus;
-};
-HWY_INLINE Pair operator+(const Pair& a, const Pair& b) {
-  return {a.plus + b.plus, a.minus + b.minus};
-}
-HWY_INLINE Pair operator*(V a, const Pair& b) {
-  return {a * b.plus, a * b.minus};
-}
-
-// A barrier's derivatives.
-struct BarrierSlope {
-  V force;         // by the driving force of the 180 well
-  V barrier;       // by dg0
-  V polarization;  // by P_+ besides the force
-  V permittivity;  // by half_permittivity besides the force
-};
-
-template <class Law>
-struct Slopes;
-
-template <>
-struct Slopes<EqualCurvature> {
-  static HWY_INLINE BarrierSlope of(const Broadcast&, V force, V dg0, bool back) {
-    const V f = back ? hn::Neg(force) : force, end = set(4.0) * dg0;
-    const V root = (clamp(f, hn::Neg(end), end) * set(0.25) - dg0) / dg0;
-    const V by_force = set(0.5) * root, zero = hn::Zero(D());
-    return {back ? hn::Neg(by_force) : by_force, hn::Neg(root * (set(2.0) + root)), zero, zero};
-  }
-};
-
-// With root^2 = 2 dg0 the ends of the wells are E_a = -4 dg0 P / (P^2 + 2 dg0 dkappa) and E_b = 4 dg0 P /
-// (P^2 - 2 dg0 dkappa); the field of a driving force has dE/dF = -1 / s, s = sqrt(P^2 - 2 dkappa F) = P +
-// dkappa E.
-template <>
-struct Slopes<UnequalCurvature> {
-  static HWY_INLINE BarrierSlope of(const Broadcast& k, V force, V dg0, bool back) {
-    const V zero = hn::Zero(D()), two = set(2.0), one = set(1.0);
-    const V p = k.polarization, difference = two * k.half_permittivity;
-    const V s = hn::Sqrt(hn::Max(zero, p * p - two * difference * force));
-    const V field = set(-2.0) * force / (p + s);
-    const V turn = (back ? set(-2.0) : two) * dg0 * difference;
-    const V below = p * p + turn;
-    const V end = (back ? set(4.0) : set(-4.0)) * dg0 * p / below;
-    const V force_a = force_at(k, set(-4.0) * dg0 * p / (p * p + two * dg0 * difference));
-    const V force_b = force_at(k, set(4.0) * dg0 * p / (p * p - two * dg0 * difference));
-    const V ratio = field / end, part = one - ratio;
-    const V by_field = set(-2.0) * dg0 * part / end;  // d dg/dE
-    const V by_end = set(2.0) * dg0 * part * ratio;   // d dg/d ln|E_end|
-    const V by_root = hn::Neg(by_field) / s;          // d dg/dF
-    const V sign = back ? set(-1.0) : one;
-    BarrierSlope out{by_root, part * part + by_end * (one / dg0 - sign * two * difference / below),
-                     by_root * field + by_end * (one / p - two * p / below),
-                     by_root * field * field - by_end * sign * set(4.0) * dg0 / below};
-    const auto past_a = hn::Ge(force, force_a), past_b = hn::Le(force, force_b),
-               past = hn::Or(past_a, past_b);
-    // Beyond the ends dg is -F towards the lower well, or nothing.
-    const V beyond =
-        back ? hn::IfThenElseZero(past_a, one) : hn::IfThenElseZero(hn::AndNot(past_a, past_b), set(-1.0));
-    out.force = hn::IfThenElse(past, beyond, out.force);
-    for (V* v : {&out.barrier, &out.polarization, &out.permittivity}) *v = hn::IfThenZeroElse(past, *v);
-    return out;
-  }
-  static HWY_INLINE V force_at(const Broadcast& k, V field) {
-    return hn::Neg((k.half_permittivity * field + k.polarization) * field);
-  }
-};
-
-// ln(rate) at one end of a step: the driving forces' own slopes, and those of the four logarithms.
-struct End {
-  V field, stress, force_plus, force_minus;
-  V even_by_field, even_by_stress, odd_by_field, odd_by_stress;
-  BarrierSlope slope[4];
-  V back_factor, back_by_stress, squeezed;  // of the stabilized barrier, squeezed = max(0, -stress)
-};
-
-template <class Law>
-HWY_INLINE End end_of(const Broadcast& k, const DomainColumns& domains, std::size_t i) {
-  const V zero = hn::Zero(D()), one = set(1.0);
-  const Forces f = forces(k, domains, i);
-  const V field = k.field + load(domains.field + i), barrier = load(domains.barrier + i);
-  End e{field,
-        f.stress,
-        f.plus,
-        f.minus,
-        set(-2.0) * k.half_permittivity * field,
-        k.strain_90 - set(2.0) * k.half_compliance * f.stress,
-        k.polarization + k.piezoelectric * f.stress,
-        k.piezoelectric * field,
-        {},
-        one,
-        zero,
-        zero};
-  e.squeezed = hn::Max(zero, hn::Neg(f.stress));
-  if (k.stabilized) {
-    e.back_factor = one + k.stabilization * e.squeezed;
-    e.back_by_stress = hn::IfThenElseZero(hn::Lt(f.stress, zero), hn::Neg(k.stabilization) * barrier);
-  }
-  const V back = barrier * e.back_factor;
-  e.slope[0] = Slopes<Law>::of(k, f.plus, barrier, false);
-  e.slope[1] = Slopes<Law>::of(k, f.plus, back, true);
-  e.slope[2] = Slopes<Law>::of(k, f.minus, back, true);
-  e.slope[3] = Slopes<Law>::of(k, f.minus, barrier, false);
-  return e;
-}
-
-struct Transition {
-  V before, after, twice_bend;  // slopes of the intensity by ln(rate) at both ends and by the bend
-};
-
-// The slopes of twice_mean_rate.
-HWY_INLINE Transition mean_slopes(V l0, V l1, V r0, V r1, V twice_bend) {
-  const V one = set(1.0), two = set(2.0), half = set(0.5);
-  const V change = l1 - l0, sum = r0 + r1, square = change * change;
-  // Below, the quotients cancel; the series in z = change / 2 is exact to 1e-13.
-  const auto is_small = hn::Lt(square, set(0.01));
-  const V inverse = one / hn::IfThenElse(is_small, one, change);
-  const V chord = (r1 - r0) * inverse;
-  const V bow = (sum - two * chord) * inverse * inverse;
-  const V z = half * change, zz = z * z;
-  const V middle = hn::Sqrt(r0) * hn::Sqrt(r1);
-  const V flat = middle * (set(1.0 / 6) + zz * (set(1.0 / 60) + zz * set(1.0 / 1680)));
-  const V m1 = hn::IfThenElse(is_small, flat, bow);
-  // By l0 and l1: of the chord (r1 - r0) / D, then of m1.
-  const V chord_0 = (chord - r0) * inverse, chord_1 = (r1 - chord) * inverse;
-  const V bow_0 = ((r0 - two * chord_0) * inverse + two * bow) * inverse;
-  const V bow_1 = ((r1 - two * chord_1) * inverse - two * bow) * inverse;
-  const V turn = half * middle * z * (set(1.0 / 30) + zz * set(1.0 / 420));
-  const V m1_0 = hn::IfThenElse(is_small, half * flat - turn, bow_0);
-  const V m1_1 = hn::IfThenElse(is_small, half * flat + turn, bow_1);
-  const V weight = twice_bend - square;
-  return {r0 + m1_0 * weight + two * m1 * change, r1 + m1_1 * weight - two * m1 * change, m1};
-}
-
-// A = dx'/dx, and dx'/dI of the four intensities.
-struct Propagation {
-  V a[2][2];
-  Pair by[4];
-};
-
-HWY_INLINE Propagation propagation(const Four& q, V plus, V minus) {
-  const V one = set(1.0), two = set(2.0), zero = hn::Zero(D());
-  const V a = q.v[0], b = q.v[1], c = q.v[2], e = q.v[3];
-  const V ninety = one - plus - minus;
-  const V flow_plus = b * ninety - a * plus, flow_minus = c * ninety - e * minus;
-  const V from_minus = c + e, trace = a + b + from_minus, determinant = a * from_minus + b * e;
-  const V adjoint_plus = b * e - plus * determinant, adjoint_minus = a * c - minus * determinant;
-  V f = zero, g = zero, f_t = zero, f_d = zero, g_t = zero, g_d = zero;
-  for (const auto& pole : poles) {
-    const V t = trace + set(pole.shift), h = determinant * set(pole.det_by) + set(pole.det_add);
-    const V real = t * set(pole.slope) + h, inverse = one / (real * real + t * t);
-    const V below_t = two * (real * set(pole.slope) + t), below_d = two * real * set(pole.det_by);
-    const V pf = (h * set(pole.f_det) + t * set(pole.f_trace)) * inverse;
-    const V pg = (h * set(pole.g_det) + t * set(pole.g_trace)) * inverse;
-    f = f + pf;
-    g = g + pg;
-    f_t = f_t + (set(pole.f_trace) - pf * below_t) * inverse;
-    g_t = g_t + (set(pole.g_trace) - pg * below_t) * inverse;
-    f_d = f_d + (set(pole.f_det * pole.det_by) - pf * below_d) * inverse;
-    g_d = g_d + (set(pole.g_det * pole.det_by) - pg * below_d) * inverse;
-  }
-  const Pair by_trace{f_t * flow_plus + g_t * adjoint_plus, f_t * flow_minus + g_t * adjoint_minus};
-  const Pair by_determinant{f_d * flow_plus + g_d * adjoint_plus - g * plus,
-                            f_d * flow_minus + g_d * adjoint_minus - g * minus};
-  // Each intensity: its part of the trace, of the determinant, of the flows and of be and ac in the adjoint.
-  Propagation out{{{one - f * (a + b) - g * determinant, hn::Neg(f * b)},
-                   {hn::Neg(f * c), one - f * from_minus - g * determinant}},
-                  {by_trace + from_minus * by_determinant + Pair{hn::Neg(f * plus), g * c},
-                   by_trace + e * by_determinant + Pair{f * ninety + g * e, zero},
-                   by_trace + a * by_determinant + Pair{zero, f * ninety + g * a},
-                   by_trace + (a + b) * by_determinant + Pair{g * b, hn::Neg(f * minus)}}};
-  // Where a fraction is kept from leaving [0, 1] it does not move, or with the other one.
-  const V next_plus = f * flow_plus + g * adjoint_plus + plus;
-  const V next_minus = f * flow_minus + g * adjoint_minus + minus;
-  const auto plus_free = hn::And(hn::Ge(next_plus, zero), hn::Le(next_plus, one));
-  const V most = one - clamp(next_plus, zero, one);
-  const auto minus_free = hn::And(hn::Ge(next_minus, zero), hn::Le(next_minus, most));
-  const auto minus_is_rest = hn::Gt(next_minus, most);
-  const auto keep = [&](V& p, V& m) HWY_ATTR {
-    p = hn::IfThenElseZero(plus_free, p);
-    m = hn::IfThenElse(minus_free, m, hn::IfThenElseZero(minus_is_rest, hn::Neg(p)));
-  };
-  keep(out.a[0][0], out.a[1][0]);
-  keep(out.a[0][1], out.a[1][1]);
-  for (auto& pair : out.by) keep(pair.plus, pair.minus);
-  return out;
-}
 
 // What each cause does to a row: to its fractions, and to its weighted rates at the end beside what the
 // fractions do.
@@ -264,7 +68,6 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
   const End ends[2] = {end_of<Law>(then_, domains_, i), end_of<Law>(to_, domains_, i)};
   const Forces from = forces(from_, domains_, i);
   const V barrier = load(domains_.barrier + i), inverse_barrier = load(domains_.inverse_barrier + i);
-  const V x = load(domains_.plus + i), y = load(domains_.minus + i);
 
   // Bends, as in step_with, and their slopes by the force's step, by its sum and by the force's own bend.
   const V push = set(-4.0) * to_.minus_inverse_energy, eighth = set(1.0 / 8) * inverse_barrier;
@@ -295,14 +98,12 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
     l[1].v[j] = load(step_.after.log_rate[j] + i);
     r[0].v[j] = load(step_.before.rate[j] + i);
     r[1].v[j] = load(step_.after.rate[j] + i);
-    intensity.v[j] = half_span * twice_mean_rate(l[0].v[j], l[1].v[j], r[0].v[j], r[1].v[j], bend.v[j]);
-    mean[j] = mean_slopes(l[0].v[j], l[1].v[j], r[0].v[j], r[1].v[j], bend.v[j]);
+    mean[j] = transition(l[0].v[j], l[1].v[j], r[0].v[j], r[1].v[j], bend.v[j]);
+    intensity.v[j] = half_span * mean[j].twice_mean;
   }
-  const Propagation p = propagation(intensity, x, y);
-  V plus = x, minus = y;
-  propagate(intensity, plus, minus);
+  const Propagation p = propagation(intensity, load(domains_.plus + i), load(domains_.minus + i));
   const V weight = hn::IfThenElseZero(hn::FirstN(d, count_ - i), load(domains_.weight + i));
-  const V ninety = one - plus - minus;
+  const V ninety = one - p.plus - p.minus;
 
   const V* const rate = r[1].v;
   hn::StoreU(p.a[0][0], d, out.a[0] + at);
@@ -315,7 +116,8 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
   hn::StoreU(hn::Neg(weight * (rate[2] + rate[3])), d, out.rate[3] + at);
 
   // By ln(rate) at both ends and by the bends.
-  const V flow[4] = {hn::Neg(rate[0] * plus), rate[1] * ninety, rate[2] * ninety, hn::Neg(rate[3] * minus)};
+  const V flow[4] = {hn::Neg(rate[0] * p.plus), rate[1] * ninety, rate[2] * ninety,
+                     hn::Neg(rate[3] * p.minus)};
   Effect by_log[2][4], by_bend[4];
   for (int j = 0; j < 4; ++j) {
     by_log[0][j] = {half_span * mean[j].before * p.by[j], {zero, zero}};
