@@ -72,10 +72,9 @@ void EnsembleTangents::step(const Ensemble::Proposal& proposal, const std::vecto
   std::vector<std::size_t> which;
   for (std::size_t n = 0; n < directions_.size(); ++n) {
     auto& d = directions_[n];
-    if (n >= parameters_ && d.moves) clear(d);
     d.moves = d.moves || std::any_of(causes[n].begin(), causes[n].end(), [](double c) { return c != 0; });
     if (!d.moves) continue;
-    moving.push_back({d.plus.data(), d.minus.data(), &causes[n]});
+    moving.push_back({d.plus.data(), d.minus.data(), &causes[n], n >= parameters_});
     which.push_back(n);
   }
   const TangentStep step{.h = proposal.h,

@@ -97,34 +97,32 @@ struct End {
 };
 
 template <class Law>
-HWY_INLINE End end_of(const Broadcast& k, const DomainColumns& domains, std::size_t i) {
-  const V zero = hn::Zero(D()), one = set(1.0);
+HWY_INLINE void end_of(const Broadcast& k, const DomainColumns& domains, std::size_t i, End& e) {
+  const V zero = hn::Zero(D()), one = set(1.0), minus_two = set(-2.0);
   const Forces f = forces(k, domains, i);
-  const V field = k.field + load(domains.field + i), barrier = load(domains.barrier + i);
-  End e{field,
-        f.stress,
-        f.plus,
-        f.minus,
-        set(-2.0) * k.half_permittivity * field,
-        k.strain_90 - set(2.0) * k.half_compliance * f.stress,
-        k.polarization + k.piezoelectric * f.stress,
-        k.piezoelectric * field,
-        {},
-        one,
-        zero,
-        zero};
+  const V barrier = load(domains.barrier + i), inverse = load(domains.inverse_barrier + i);
+  e.field = k.field + load(domains.field + i);
+  e.stress = f.stress;
+  e.force_plus = f.plus;
+  e.force_minus = f.minus;
+  e.even_by_field = minus_two * k.half_permittivity * e.field;
+  e.even_by_stress = k.strain_90 + minus_two * k.half_compliance * f.stress;
+  e.odd_by_field = k.polarization + k.piezoelectric * f.stress;
+  e.odd_by_stress = k.piezoelectric * e.field;
   e.squeezed = hn::Max(zero, hn::Neg(f.stress));
+  e.back_factor = one;
+  e.back_by_stress = zero;
+  V back = barrier, back_inverse = inverse;
   if (k.stabilized) {
     e.back_factor = one + k.stabilization * e.squeezed;
     e.back_by_stress = hn::IfThenElseZero(hn::Lt(f.stress, zero), hn::Neg(k.stabilization) * barrier);
+    back = barrier * e.back_factor;
+    back_inverse = inverse / e.back_factor;
   }
-  const V inverse = load(domains.inverse_barrier + i);
-  const V back = barrier * e.back_factor, back_inverse = k.stabilized ? inverse / e.back_factor : inverse;
   e.slope[0] = Slopes<Law>::of(k, f.plus, barrier, inverse, false);
   e.slope[1] = Slopes<Law>::of(k, f.plus, back, back_inverse, true);
   e.slope[2] = Slopes<Law>::of(k, f.minus, back, back_inverse, true);
   e.slope[3] = Slopes<Law>::of(k, f.minus, barrier, inverse, false);
-  return e;
 }
 
 // Twice the mean rate over a step (twice_mean_rate) with its slopes by ln(rate) at both ends and by twice the

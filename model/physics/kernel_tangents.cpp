@@ -11,18 +11,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ferrobench::model::HWY_NAMESPACE {
 
-// What each cause does to a row: to its fractions, and to its weighted rates at the end beside what the
-// fractions do.
-struct Effect {
-  Pair x, rate;
-};
-HWY_INLINE Effect operator+(const Effect& a, const Effect& b) {
-  return {a.x + b.x, a.rate + b.rate};
-}
-HWY_INLINE Effect operator*(V a, const Effect& b) {
-  return {a * b.x, a * b.rate};
-}
-
+// Rows that are worked on at a time: what one pass leaves to the next stays near.
 constexpr std::size_t block = 64;
 
 // Of the rows of one block.
@@ -64,180 +53,211 @@ template <class Law>
 HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool, cause_count>& wanted,
                            BlockJacobian& out, std::array<Pair, cause_count>& rates) const {
   const D d;
-  const V zero = hn::Zero(d), one = set(1.0), minus_one = set(-1.0);
-  const End ends[2] = {end_of<Law>(then_, domains_, i), end_of<Law>(to_, domains_, i)};
+  const V zero = hn::Zero(d), one = set(1.0);
+  End ends[2];
+  end_of<Law>(then_, domains_, i, ends[0]);
+  end_of<Law>(to_, domains_, i, ends[1]);
+  const End &start = ends[0], &end = ends[1];
   const Forces from = forces(from_, domains_, i);
   const V barrier = load(domains_.barrier + i), inverse_barrier = load(domains_.inverse_barrier + i);
 
-  // Bends, as in step_with, and their slopes by the force's step, by its sum and by the force's own bend.
-  const V push = set(-4.0) * to_.minus_inverse_energy, eighth = set(1.0 / 8) * inverse_barrier;
-  const V by_square = to_.minus_inverse_energy * set(-1.0 / 8) * inverse_barrier;
-  const V limit = set(4.0) * barrier;
-  const auto bend_of = [&](V f0, V f1, V bend, V& out_bend, V& back_bend, V* slopes) HWY_ATTR {
-    const bool bent = step_.path.bend.stress != 0 || step_.path.bend.field != 0;
-    twice_bends(to_, f0, f1, bend, bent, barrier, inverse_barrier, out_bend, back_bend);
-    const auto inside = hn::Lt(hn::Max(hn::Abs(f0), hn::Abs(f1)), limit);
-    const V raw = (f0 + f1) * eighth, middle = clamp(raw, set(-1.0), one);
-    slopes[0] = hn::IfThenElseZero(inside, set(2.0) * by_square * (f1 - f0));
-    slopes[1] = hn::IfThenElseZero(hn::Lt(hn::Abs(raw), one), hn::Neg(push * bend) * eighth);
-    slopes[2] = middle;
-    slopes[3] = hn::IfThenElseZero(inside, by_square * (f1 - f0) * (f1 - f0));
-  };
+  // Bends as in step_with, of F_{+,90} and of F_{-,90}.
   const V bend_even = set(step_.path.bend.stress) * to_.strain_90;
   const V bend_odd = set(step_.path.bend.field) * to_.polarization;
+  const bool bent = step_.path.bend.stress != 0 || step_.path.bend.field != 0;
   Four bend;
-  V slopes[2][4];
-  bend_of(from.plus, ends[1].force_plus, bend_even - bend_odd, bend.v[0], bend.v[1], slopes[0]);
-  bend_of(from.minus, ends[1].force_minus, bend_even + bend_odd, bend.v[3], bend.v[2], slopes[1]);
+  twice_bends(to_, from.plus, end.force_plus, bend_even - bend_odd, bent, barrier, inverse_barrier, bend.v[0],
+              bend.v[1]);
+  twice_bends(to_, from.minus, end.force_minus, bend_even + bend_odd, bent, barrier, inverse_barrier,
+              bend.v[3], bend.v[2]);
 
   const V half_span = set(0.5 * step_.h / k_.relaxation_time);
-  Four l[2], r[2], intensity;
+  Four l0, l1, rate, intensity;
   Transition mean[4];
   for (int j = 0; j < 4; ++j) {
-    l[0].v[j] = load(step_.before.log_rate[j] + i);
-    l[1].v[j] = load(step_.after.log_rate[j] + i);
-    r[0].v[j] = load(step_.before.rate[j] + i);
-    r[1].v[j] = load(step_.after.rate[j] + i);
-    mean[j] = transition(l[0].v[j], l[1].v[j], r[0].v[j], r[1].v[j], bend.v[j]);
+    l0.v[j] = load(step_.before.log_rate[j] + i);
+    l1.v[j] = load(step_.after.log_rate[j] + i);
+    rate.v[j] = load(step_.after.rate[j] + i);
+    mean[j] = transition(l0.v[j], l1.v[j], load(step_.before.rate[j] + i), rate.v[j], bend.v[j]);
     intensity.v[j] = half_span * mean[j].twice_mean;
   }
   const Propagation p = propagation(intensity, load(domains_.plus + i), load(domains_.minus + i));
   const V weight = hn::IfThenElseZero(hn::FirstN(d, count_ - i), load(domains_.weight + i));
-  const V ninety = one - p.plus - p.minus;
-
-  const V* const rate = r[1].v;
   hn::StoreU(p.a[0][0], d, out.a[0] + at);
   hn::StoreU(p.a[0][1], d, out.a[1] + at);
   hn::StoreU(p.a[1][0], d, out.a[2] + at);
   hn::StoreU(p.a[1][1], d, out.a[3] + at);
-  hn::StoreU(hn::Neg(weight * (rate[0] + rate[1])), d, out.rate[0] + at);
-  hn::StoreU(hn::Neg(weight * rate[1]), d, out.rate[1] + at);
-  hn::StoreU(hn::Neg(weight * rate[2]), d, out.rate[2] + at);
-  hn::StoreU(hn::Neg(weight * (rate[2] + rate[3])), d, out.rate[3] + at);
+  hn::StoreU(hn::Neg(weight * (rate.v[0] + rate.v[1])), d, out.rate[0] + at);
+  hn::StoreU(hn::Neg(weight * rate.v[1]), d, out.rate[1] + at);
+  hn::StoreU(hn::Neg(weight * rate.v[2]), d, out.rate[2] + at);
+  hn::StoreU(hn::Neg(weight * (rate.v[2] + rate.v[3])), d, out.rate[3] + at);
 
-  // By ln(rate) at both ends and by the bends.
-  const V flow[4] = {hn::Neg(rate[0] * p.plus), rate[1] * ninety, rate[2] * ninety,
-                     hn::Neg(rate[3] * p.minus)};
-  Effect by_log[2][4], by_bend[4];
+  // x' by ln(rate) at both ends and by the bends; the weighted rates at the end by ln(rate) there, the first
+  // two of the plus rate, the others of the minus rate.
+  Pair x0[4], x1[4], xb[4];
   for (int j = 0; j < 4; ++j) {
-    by_log[0][j] = {half_span * mean[j].before * p.by[j], {zero, zero}};
-    by_log[1][j] = {half_span * mean[j].after * p.by[j],
-                    j < 2 ? Pair{weight * flow[j], zero} : Pair{zero, weight * flow[j]}};
-    by_bend[j] = {half_span * mean[j].twice_bend * p.by[j], {zero, zero}};
+    const Pair by = half_span * p.by[j];
+    x0[j] = mean[j].before * by;
+    x1[j] = mean[j].after * by;
+    xb[j] = mean[j].twice_bend * by;
   }
-  // By the driving forces at both ends: through ln(rate), and with the bend, besides by the bend's own force.
-  Effect by_log_force[2][2], by_force[2][2], by_bend_force[2];
-  for (int s = 0; s < 2; ++s) {
-    const int out_j = s == 0 ? 0 : 3, back_j = s == 0 ? 1 : 2;
-    const Effect by_both = by_bend[out_j] + by_bend[back_j];
-    by_bend_force[s] =
-        push * ((one - slopes[s][2]) * by_bend[out_j] + hn::Neg(one + slopes[s][2]) * by_bend[back_j]);
-    for (int e = 0; e < 2; ++e) {
-      const V sign = e == 0 ? minus_one : one;
-      by_log_force[e][s] = to_.minus_inverse_energy * (ends[e].slope[out_j].force * by_log[e][out_j] +
-                                                       ends[e].slope[back_j].force * by_log[e][back_j]);
-      by_force[e][s] = by_log_force[e][s] + (sign * slopes[s][0] + slopes[s][1]) * by_both;
+  const V ninety = weight * (one - p.plus - p.minus);
+  const V flow[4] = {hn::Neg(rate.v[0] * (weight * p.plus)), rate.v[1] * ninety, rate.v[2] * ninety,
+                     hn::Neg(rate.v[3] * (weight * p.minus))};
+
+  // By the driving forces: at the start through ln(rate) and through the bend, at the end through both, at
+  // mid-step.
+  const V energy = to_.minus_inverse_energy, push = set(-4.0) * energy;
+  const V by_square = energy * set(-1.0 / 8) * inverse_barrier, eighth = set(1.0 / 8) * inverse_barrier;
+  const V limit = set(4.0) * barrier;
+  const Pair both[2] = {xb[0] + xb[1], xb[3] + xb[2]};
+  Pair old_force[2], start_force[2], end_force[2], bend_force[2];
+  V rate_force[2], by_barrier[2];  // the bend by ln(dg0)
+  const auto side = [&](int s, int out_j, int back_j, V f0, V f1, V force_bend) HWY_ATTR {
+    const V moved = f1 - f0;
+    const auto inside = hn::Lt(hn::Max(hn::Abs(f0), hn::Abs(f1)), limit);
+    const V by_moved = hn::IfThenElseZero(inside, set(2.0) * by_square * moved);
+    V by_sum = zero, middle = zero;
+    if (bent) {
+      const V raw = (f0 + f1) * eighth;
+      middle = clamp(raw, set(-1.0), one);
+      by_sum = hn::IfThenElseZero(hn::Lt(hn::Abs(raw), one), hn::Neg(push * force_bend) * eighth);
     }
-  }
-  const auto by_even_odd = [&](int e, V even, V odd) HWY_ATTR {
-    return (even - odd) * by_force[e][0] + (even + odd) * by_force[e][1];
+    by_barrier[s] = hn::Neg(set(0.5) * by_moved * moved + by_sum * (f0 + f1));
+    old_force[s] =
+        energy * start.slope[out_j].force * x0[out_j] + energy * start.slope[back_j].force * x0[back_j];
+    start_force[s] = (by_sum - by_moved) * both[s];
+    end_force[s] = energy * end.slope[out_j].force * x1[out_j] +
+                   energy * end.slope[back_j].force * x1[back_j] + (by_sum + by_moved) * both[s];
+    bend_force[s] = push * (one - middle) * xb[out_j] + hn::Neg(push * (one + middle)) * xb[back_j];
+    rate_force[s] = energy * (end.slope[out_j].force * flow[out_j] + end.slope[back_j].force * flow[back_j]);
   };
-  const auto by_slope = [&](int e, V BarrierSlope::*member) HWY_ATTR {
-    Effect sum = ends[e].slope[0].*member * by_log[e][0];
-    for (int j = 1; j < 4; ++j) sum = sum + ends[e].slope[j].*member * by_log[e][j];
-    return to_.minus_inverse_energy * sum;
-  };
-  const auto by_back_barrier = [&](int e) HWY_ATTR {
-    return to_.minus_inverse_energy *
-           (ends[e].slope[1].barrier * by_log[e][1] + ends[e].slope[2].barrier * by_log[e][2]);
-  };
-  const auto by_field = [&](int e)
-                            HWY_ATTR { return by_even_odd(e, ends[e].even_by_field, ends[e].odd_by_field); };
-  const auto by_stress = [&](int e) HWY_ATTR {
-    const Effect by = by_even_odd(e, ends[e].even_by_stress, ends[e].odd_by_stress);
-    return k_.stress_stabilization == 0 ? by : by + ends[e].back_by_stress * by_back_barrier(e);
-  };
-  const auto put = [&](Cause cause, const auto& effect) HWY_ATTR {
+  side(0, 0, 1, from.plus, end.force_plus, bend_even - bend_odd);
+  side(1, 3, 2, from.minus, end.force_minus, bend_even + bend_odd);
+
+  const auto is_wanted = [&](Cause cause) HWY_ATTR { return wanted[static_cast<std::size_t>(cause)]; };
+  const auto put = [&](Cause cause, const Pair& x, const Pair& rate_by) HWY_ATTR {
     const auto c = static_cast<std::size_t>(cause);
-    if (!wanted[c]) return;
-    const Effect e = effect();
-    hn::StoreU(e.x.plus, d, out.cause[c][0] + at);
-    hn::StoreU(e.x.minus, d, out.cause[c][1] + at);
-    rates[c] = rates[c] + e.rate;
+    hn::StoreU(x.plus, d, out.cause[c][0] + at);
+    hn::StoreU(x.minus, d, out.cause[c][1] + at);
+    rates[c] = rates[c] + rate_by;
   };
-  put(Cause::field_before, [&]() HWY_ATTR { return by_field(0); });
-  put(Cause::field_after, [&]() HWY_ATTR { return by_field(1); });
-  put(Cause::stress_before, [&]() HWY_ATTR { return by_stress(0); });
-  put(Cause::stress_after, [&]() HWY_ATTR { return by_stress(1); });
-  put(Cause::bend, [&]() HWY_ATTR { return to_.strain_90 * (by_bend_force[0] + by_bend_force[1]); });
-  // The bend knows only P_+ of this step.
-  const Effect start_by_old = ends[0].field * (by_log_force[0][1] + minus_one * by_log_force[0][0]);
-  put(Cause::polarization_before,
-      [&]() HWY_ATTR { return start_by_old + by_slope(0, &BarrierSlope::polarization); });
-  put(Cause::polarization_after, [&]() HWY_ATTR {
-    return by_even_odd(0, zero, ends[0].field) + minus_one * start_by_old +
-           by_even_odd(1, zero, ends[1].field) + by_slope(1, &BarrierSlope::polarization);
-  });
-  put(Cause::strain_90, [&]() HWY_ATTR {
-    return by_even_odd(0, ends[0].stress, zero) + by_even_odd(1, ends[1].stress, zero) +
-           set(step_.path.bend.stress) * (by_bend_force[0] + by_bend_force[1]);
-  });
-  put(Cause::piezoelectric, [&]() HWY_ATTR {
-    return by_even_odd(0, zero, ends[0].field * ends[0].stress) +
-           by_even_odd(1, zero, ends[1].field * ends[1].stress);
-  });
-  put(Cause::half_permittivity, [&]() HWY_ATTR {
-    return by_even_odd(0, hn::Neg(ends[0].field * ends[0].field), zero) +
-           by_even_odd(1, hn::Neg(ends[1].field * ends[1].field), zero) +
-           by_slope(0, &BarrierSlope::permittivity) + by_slope(1, &BarrierSlope::permittivity);
-  });
-  put(Cause::half_compliance, [&]() HWY_ATTR {
-    return by_even_odd(0, hn::Neg(ends[0].stress * ends[0].stress), zero) +
-           by_even_odd(1, hn::Neg(ends[1].stress * ends[1].stress), zero);
-  });
-  put(Cause::log_energy, [&]() HWY_ATTR {
-    Effect sum = l[0].v[0] * by_log[0][0] + l[1].v[0] * by_log[1][0] + bend.v[0] * by_bend[0];
-    for (int j = 1; j < 4; ++j)
-      sum = sum + l[0].v[j] * by_log[0][j] + l[1].v[j] * by_log[1][j] + bend.v[j] * by_bend[j];
-    return sum;
-  });
-  put(Cause::log_span, [&]() HWY_ATTR {
-    Effect sum{intensity.v[0] * p.by[0], {zero, zero}};
-    for (int j = 1; j < 4; ++j) sum.x = sum.x + intensity.v[j] * p.by[j];
-    return sum;
-  });
-  put(Cause::stabilization, [&]() HWY_ATTR {
-    return ends[0].squeezed * barrier * by_back_barrier(0) + ends[1].squeezed * barrier * by_back_barrier(1);
-  });
-  const auto by_log_barrier = [&]() HWY_ATTR {
-    Effect sum{{zero, zero}, {zero, zero}};
-    for (int e = 0; e < 2; ++e) {
-      sum = sum +
-            barrier * to_.minus_inverse_energy *
-                (ends[e].slope[0].barrier * by_log[e][0] + ends[e].slope[3].barrier * by_log[e][3]) +
-            barrier * ends[e].back_factor * by_back_barrier(e);
-    }
-    for (int s = 0; s < 2; ++s) {
-      const Effect by_both = by_bend[s == 0 ? 0 : 3] + by_bend[s == 0 ? 1 : 2];
-      const V sum_of_forces = s == 0 ? from.plus + ends[1].force_plus : from.minus + ends[1].force_minus;
-      sum = sum + hn::Neg(slopes[s][3] + slopes[s][1] * sum_of_forces) * by_both;
-    }
-    return sum;
+  const Pair none{zero, zero};
+  // By the even and odd part of the forces.
+  const auto x_by = [&](const Pair* force, V even, V odd)
+                        HWY_ATTR { return (even - odd) * force[0] + (even + odd) * force[1]; };
+  const auto rate_by = [&](V even, V odd) HWY_ATTR {
+    return Pair{(even - odd) * rate_force[0], (even + odd) * rate_force[1]};
   };
-  put(Cause::log_barrier, by_log_barrier);
-  put(Cause::barrier_log_std, [&]() HWY_ATTR { return load(step_.z[0] + i) * by_log_barrier(); });
-  put(Cause::internal_field, [&]() HWY_ATTR { return by_field(0) + by_field(1); });
-  put(Cause::internal_field_std,
-      [&]() HWY_ATTR { return load(step_.z[1] + i) * (by_field(0) + by_field(1)); });
-  put(Cause::internal_stress_std,
-      [&]() HWY_ATTR { return load(step_.z[2] + i) * (by_stress(0) + by_stress(1)); });
+  const Pair all_start[2] = {old_force[0] + start_force[0], old_force[1] + start_force[1]};
+
+  // By the loads.
+  const Pair field_0 = x_by(all_start, start.even_by_field, start.odd_by_field);
+  const Pair field_1 = x_by(end_force, end.even_by_field, end.odd_by_field);
+  const Pair rate_field = rate_by(end.even_by_field, end.odd_by_field);
+  Pair stress_0 = x_by(all_start, start.even_by_stress, start.odd_by_stress);
+  Pair stress_1 = x_by(end_force, end.even_by_stress, end.odd_by_stress);
+  Pair rate_stress = rate_by(end.even_by_stress, end.odd_by_stress);
+  // By the barriers of 90 -> +/-180.
+  const Pair back_0 = energy * start.slope[1].barrier * x0[1] + energy * start.slope[2].barrier * x0[2];
+  const Pair back_1 = energy * end.slope[1].barrier * x1[1] + energy * end.slope[2].barrier * x1[2];
+  const Pair rate_back{energy * end.slope[1].barrier * flow[1], energy * end.slope[2].barrier * flow[2]};
+  if (to_.stabilized) {
+    stress_0 = stress_0 + start.back_by_stress * back_0;
+    stress_1 = stress_1 + end.back_by_stress * back_1;
+    rate_stress = rate_stress + end.back_by_stress * rate_back;
+  }
+  if (is_wanted(Cause::field_before)) put(Cause::field_before, field_0, none);
+  if (is_wanted(Cause::field_after)) put(Cause::field_after, field_1, rate_field);
+  if (is_wanted(Cause::stress_before)) put(Cause::stress_before, stress_0, none);
+  if (is_wanted(Cause::stress_after)) put(Cause::stress_after, stress_1, rate_stress);
+  if (is_wanted(Cause::bend)) put(Cause::bend, to_.strain_90 * (bend_force[0] + bend_force[1]), none);
+  if (is_wanted(Cause::internal_field)) put(Cause::internal_field, field_0 + field_1, rate_field);
+  if (is_wanted(Cause::internal_field_std)) {
+    const V z = load(step_.z[1] + i);
+    put(Cause::internal_field_std, z * (field_0 + field_1), z * rate_field);
+  }
+  if (is_wanted(Cause::internal_stress_std)) {
+    const V z = load(step_.z[2] + i);
+    put(Cause::internal_stress_std, z * (stress_0 + stress_1), z * rate_stress);
+  }
+
+  // By the constants. A law's own slopes, besides those through the forces:
+  const auto law_by = [&](V BarrierSlope::*member, const End& e, const Pair* x) HWY_ATTR {
+    return energy * (e.slope[0].*member * x[0] + e.slope[1].*member * x[1] + e.slope[2].*member * x[2] +
+                     e.slope[3].*member * x[3]);
+  };
+  const auto law_rate_by = [&](V BarrierSlope::*member) HWY_ATTR {
+    return energy * Pair{end.slope[0].*member * flow[0] + end.slope[1].*member * flow[1],
+                         end.slope[2].*member * flow[2] + end.slope[3].*member * flow[3]};
+  };
+  if (is_wanted(Cause::polarization_before))
+    put(Cause::polarization_before,
+        x_by(old_force, zero, start.field) + law_by(&BarrierSlope::polarization, start, x0), none);
+  if (is_wanted(Cause::polarization_after))  // the bend knows no other P_+
+    put(Cause::polarization_after,
+        x_by(start_force, zero, start.field) + x_by(end_force, zero, end.field) +
+            law_by(&BarrierSlope::polarization, end, x1),
+        rate_by(zero, end.field) + law_rate_by(&BarrierSlope::polarization));
+  if (is_wanted(Cause::strain_90))
+    put(Cause::strain_90,
+        x_by(all_start, start.stress, zero) + x_by(end_force, end.stress, zero) +
+            set(step_.path.bend.stress) * (bend_force[0] + bend_force[1]),
+        rate_by(end.stress, zero));
+  if (is_wanted(Cause::piezoelectric)) {
+    const V odd_0 = start.field * start.stress, odd_1 = end.field * end.stress;
+    put(Cause::piezoelectric, x_by(all_start, zero, odd_0) + x_by(end_force, zero, odd_1),
+        rate_by(zero, odd_1));
+  }
+  if (is_wanted(Cause::half_permittivity)) {
+    const V even_0 = hn::Neg(start.field * start.field), even_1 = hn::Neg(end.field * end.field);
+    put(Cause::half_permittivity,
+        x_by(all_start, even_0, zero) + x_by(end_force, even_1, zero) +
+            law_by(&BarrierSlope::permittivity, start, x0) + law_by(&BarrierSlope::permittivity, end, x1),
+        rate_by(even_1, zero) + law_rate_by(&BarrierSlope::permittivity));
+  }
+  if (is_wanted(Cause::half_compliance)) {
+    const V even_0 = hn::Neg(start.stress * start.stress), even_1 = hn::Neg(end.stress * end.stress);
+    put(Cause::half_compliance, x_by(all_start, even_0, zero) + x_by(end_force, even_1, zero),
+        rate_by(even_1, zero));
+  }
+  if (is_wanted(Cause::log_energy)) {
+    Pair x = none;
+    for (int j = 0; j < 4; ++j) x = x + l0.v[j] * x0[j] + l1.v[j] * x1[j] + bend.v[j] * xb[j];
+    put(Cause::log_energy, x, {l1.v[0] * flow[0] + l1.v[1] * flow[1], l1.v[2] * flow[2] + l1.v[3] * flow[3]});
+  }
+  if (is_wanted(Cause::log_span)) {
+    Pair x = none;
+    for (int j = 0; j < 4; ++j) x = x + intensity.v[j] * p.by[j];
+    put(Cause::log_span, x, none);
+  }
+  if (is_wanted(Cause::stabilization)) {
+    const V start_by = start.squeezed * barrier, end_by = end.squeezed * barrier;
+    put(Cause::stabilization, start_by * back_0 + end_by * back_1, end_by * rate_back);
+  }
+  if (is_wanted(Cause::log_barrier) || is_wanted(Cause::barrier_log_std)) {
+    const V scale = energy * barrier, start_back = barrier * start.back_factor,
+            end_back = barrier * end.back_factor;
+    const Pair x = scale * (start.slope[0].barrier * x0[0] + start.slope[3].barrier * x0[3] +
+                            end.slope[0].barrier * x1[0] + end.slope[3].barrier * x1[3]) +
+                   start_back * back_0 + end_back * back_1 + by_barrier[0] * both[0] +
+                   by_barrier[1] * both[1];
+    const Pair rate_x =
+        scale * Pair{end.slope[0].barrier * flow[0], end.slope[3].barrier * flow[3]} + end_back * rate_back;
+    if (is_wanted(Cause::log_barrier)) put(Cause::log_barrier, x, rate_x);
+    if (is_wanted(Cause::barrier_log_std)) {
+      const V z = load(step_.z[0] + i);
+      put(Cause::barrier_log_std, z * x, z * rate_x);
+    }
+  }
 }
 
-// Moves one direction's tangents over a block of rows.
+// Moves one direction's tangents over a block of rows; `sums` has those of x', then of the rates, of each
+// lane.
 HWY_INLINE void move(const BlockJacobian& jacobian, const DomainColumns& domains, std::size_t first,
-                     std::size_t end, std::size_t count, const FractionTangents& direction, Pair& x,
-                     Pair& rate) {
+                     std::size_t end, std::size_t count, const FractionTangents& direction, double* sums) {
   const D d;
+  const std::size_t lanes = hn::Lanes(d);
   const double* causes[cause_count][2];
   double by[cause_count];
   std::size_t active = 0;
@@ -247,11 +267,15 @@ HWY_INLINE void move(const BlockJacobian& jacobian, const DomainColumns& domains
       causes[active][1] = jacobian.cause[c][1];
       by[active++] = (*direction.causes)[c];
     }
-  for (std::size_t i = first; i < end; i += hn::Lanes(d)) {
+  Pair x{load(sums), load(sums + lanes)}, rate{load(sums + 2 * lanes), load(sums + 3 * lanes)};
+  for (std::size_t i = first; i < end; i += lanes) {
     const std::size_t at = i - first;
     const V plus = load(direction.plus + i), minus = load(direction.minus + i);
-    V p = hn::MulAdd(load(jacobian.a[0] + at), plus, load(jacobian.a[1] + at) * minus);
-    V m = hn::MulAdd(load(jacobian.a[2] + at), plus, load(jacobian.a[3] + at) * minus);
+    V p = hn::Zero(d), m = p;
+    if (!direction.fresh) {
+      p = hn::MulAdd(load(jacobian.a[0] + at), plus, load(jacobian.a[1] + at) * minus);
+      m = hn::MulAdd(load(jacobian.a[2] + at), plus, load(jacobian.a[3] + at) * minus);
+    }
     for (std::size_t c = 0; c < active; ++c) {
       const V amount = set(by[c]);
       p = hn::MulAdd(amount, load(causes[c][0] + at), p);
@@ -269,6 +293,10 @@ HWY_INLINE void move(const BlockJacobian& jacobian, const DomainColumns& domains
     rate.minus =
         hn::MulAdd(load(jacobian.rate[2] + at), p, hn::MulAdd(load(jacobian.rate[3] + at), m, rate.minus));
   }
+  hn::StoreU(x.plus, d, sums);
+  hn::StoreU(x.minus, d, sums + lanes);
+  hn::StoreU(rate.plus, d, sums + 2 * lanes);
+  hn::StoreU(rate.minus, d, sums + 3 * lanes);
 }
 
 double total(V v) {
@@ -289,19 +317,19 @@ void tangents_with(const KineticConstants& k, const DomainColumns& domains, std:
   std::array<Pair, cause_count> by_cause;
   by_cause.fill({zero, zero});
   out.assign(directions.size(), {});
+  const std::size_t lanes = hn::Lanes(d);
+  std::vector<double> sums(4 * lanes * directions.size(), 0.0);  // of each lane
   BlockJacobian jacobian;
   for (std::size_t first = 0; first < count; first += block) {
     const std::size_t end = std::min(first + block, count);
-    for (std::size_t i = first; i < end; i += hn::Lanes(d))
-      rows.rows<Law>(i, i - first, wanted, jacobian, by_cause);
-    for (std::size_t n = 0; n < directions.size(); ++n) {
-      Pair x{zero, zero}, rate{zero, zero};
-      move(jacobian, domains, first, end, count, directions[n], x, rate);
-      out[n].plus += total(x.plus);
-      out[n].minus += total(x.minus);
-      out[n].plus_rate += total(rate.plus);
-      out[n].minus_rate += total(rate.minus);
-    }
+    for (std::size_t i = first; i < end; i += lanes) rows.rows<Law>(i, i - first, wanted, jacobian, by_cause);
+    for (std::size_t n = 0; n < directions.size(); ++n)
+      move(jacobian, domains, first, end, count, directions[n], sums.data() + 4 * lanes * n);
+  }
+  for (std::size_t n = 0; n < directions.size(); ++n) {
+    const double* at = sums.data() + 4 * lanes * n;
+    out[n] = {total(load(at)), total(load(at + lanes)), total(load(at + 2 * lanes)),
+              total(load(at + 3 * lanes))};
   }
   for (std::size_t c = 0; c < cause_count; ++c) {
     if (!wanted[c]) continue;

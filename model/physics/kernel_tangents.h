@@ -57,6 +57,7 @@ struct FractionTangents {
   double* plus = nullptr;
   double* minus = nullptr;
   const Causes* causes = nullptr;
+  bool fresh = false;  // zero at the start of the step, whatever the columns hold
 };
 
 // Tangents of the means in one direction; rates times tau.
