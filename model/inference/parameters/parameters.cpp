@@ -220,6 +220,10 @@ double from_unit(const FreeParameter& p, double u) {
   return p.logarithmic ? p.low * std::pow(p.high / p.low, u) : p.low + u * (p.high - p.low);
 }
 
+double unit_slope(const FreeParameter& p, double u) {
+  return p.logarithmic ? from_unit(p, u) * std::log(p.high / p.low) : p.high - p.low;
+}
+
 std::vector<FreeParameter> default_free_parameters(const Model& model) {
   std::vector<FreeParameter> out;
   for (const auto& path : parameter_paths(model)) {

@@ -39,6 +39,8 @@ FreeParameter free_parameter(const Model& model, std::string_view path);
 // value or in its logarithm. A value outside the range goes to its nearer end.
 double to_unit(const FreeParameter& p, double value);
 double from_unit(const FreeParameter& p, double u);
+// d value / d u.
+double unit_slope(const FreeParameter& p, double u);
 
 // Parameters that a fit frees if nothing is said: material and polycrystal without what no recording can tell
 // (temperature), and the parameters of the model's effects. Spreads that are zero stay so: switching one on

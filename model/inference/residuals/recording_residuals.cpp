@@ -68,19 +68,16 @@ class RecordingResiduals final : public ResidualModel {
   std::span<const RecordingData> recordings() const override { return data_; }
 
   Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const override {
-    std::size_t next = 0;
-    for (const auto& d : data_) {
-      const auto simulated = simulate_recorded(model_for(model, d.header), d, fidelity);
-      if (!simulated) return Solved::no;
-      for (const auto& column : d.columns) {
-        const auto& answer = simulated->at(column.channel);
-        const double mean = mean_of(answer, column.rows);
-        const double scale = residual_scale(column);
-        for (std::size_t k = 0; k < column.rows.size(); ++k)
-          out[next++] = scale * (answer[column.rows[k]] - mean - column.value[k]);
-      }
-    }
-    return std::ranges::all_of(out, [](double r) { return std::isfinite(r); }) ? Solved::yes : Solved::no;
+    return fill(model, fidelity, {}, out, nullptr);
+  }
+
+  bool has_slopes() const override { return true; }
+
+  Solved evaluate_with_slopes(const Model& model, const Fidelity& fidelity,
+                              const std::vector<FreeParameter>& by, std::span<double> out,
+                              Eigen::MatrixXd& slopes) const override {
+    slopes.setZero(static_cast<Eigen::Index>(size_), static_cast<Eigen::Index>(by.size()));
+    return fill(model, fidelity, by, out, &slopes);
   }
 
   std::vector<std::pair<std::string, double>> summary(const Model& model,
@@ -101,6 +98,48 @@ class RecordingResiduals final : public ResidualModel {
   }
 
  private:
+  // A recording's own specimen and load stand in place of the model's, so these of the model's numbers do
+  // nothing.
+  static bool is_overridden(std::string_view path) {
+    return path.starts_with("load.") ||
+           (path.starts_with("actuator.") && path != "actuator.passive_stiffness");
+  }
+
+  Solved fill(const Model& model, const Fidelity& fidelity, const std::vector<FreeParameter>& by,
+              std::span<double> out, Eigen::MatrixXd* slopes) const {
+    std::vector<std::string> moving;
+    std::vector<Eigen::Index> column_of;
+    for (std::size_t i = 0; i < by.size(); ++i)
+      if (!is_overridden(by[i].path)) {
+        moving.push_back(by[i].path);
+        column_of.push_back(static_cast<Eigen::Index>(i));
+      }
+    std::size_t next = 0;
+    for (const auto& d : data_) {
+      const auto simulated = simulate_recorded(model_for(model, d.header), d, fidelity, moving);
+      if (!simulated) return Solved::no;
+      for (const auto& column : d.columns) {
+        const auto& answer = simulated->at(column.channel);
+        const double mean = mean_of(answer, column.rows), scale = residual_scale(column);
+        for (std::size_t k = 0; k < column.rows.size(); ++k)
+          out[next + k] = scale * (answer[column.rows[k]] - mean - column.value[k]);
+        for (std::size_t p = 0; slopes != nullptr && p < moving.size(); ++p) {
+          const auto& all = simulated->slopes_at(column.channel);
+          double sum = 0;
+          for (const auto row : column.rows) sum += all[row * moving.size() + p];
+          const double middle = sum / static_cast<double>(column.rows.size());
+          for (std::size_t k = 0; k < column.rows.size(); ++k)
+            (*slopes)(static_cast<Eigen::Index>(next + k), column_of[p]) =
+                scale * (all[column.rows[k] * moving.size() + p] - middle);
+        }
+        next += column.rows.size();
+      }
+    }
+    const bool finite = std::ranges::all_of(out, [](double r) { return std::isfinite(r); }) &&
+                        (slopes == nullptr || slopes->allFinite());
+    return finite ? Solved::yes : Solved::no;
+  }
+
   std::vector<RecordingData> data_;
   std::vector<std::string> unused_;
 };

@@ -10,6 +10,11 @@ double sum_of_squares(std::span<const double> r) {
   return sum;
 }
 
+Solved ResidualModel::evaluate_with_slopes(const Model&, const Fidelity&, const std::vector<FreeParameter>&,
+                                           std::span<double>, Eigen::MatrixXd&) const {
+  return Solved::no;
+}
+
 std::unique_ptr<Separable> ResidualModel::separable(const Model&, const std::vector<FreeParameter>&) const {
   return nullptr;
 }

@@ -4,6 +4,7 @@
 // serves a coarse search and a fine solution at the same time, from several threads.
 #pragma once
 
+#include <Eigen/Dense>
 #include <cstddef>
 #include <map>
 #include <memory>
@@ -60,6 +61,12 @@ class ResidualModel {
   // Fills `out`, size() long; it is undefined after Solved::no. Throws Error(cancelled) if the simulation is
   // stopped.
   virtual Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const = 0;
+  // Whether evaluate_with_slopes() can be asked.
+  virtual bool has_slopes() const { return false; }
+  // The same with d residual / d value of `by`, a row for each residual. Solved::no also where only slopes
+  // are not to be had.
+  virtual Solved evaluate_with_slopes(const Model&, const Fidelity&, const std::vector<FreeParameter>& by,
+                                      std::span<double> out, Eigen::MatrixXd& slopes) const;
   // Names with the root mean square of what was compared: percent of the range, or of the logarithm of a
   // cell's ratio.
   virtual std::vector<std::pair<std::string, double>> summary(const Model& model,

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "model/sensitivities.h"
+
 namespace ferrobench::model {
 
 using recordings::Channel;
@@ -19,12 +21,18 @@ const std::vector<double>& SimulatedRows::at(Channel channel) const {
   return channel == Channel::displacement ? displacement : force;
 }
 
+const std::vector<double>& SimulatedRows::slopes_at(Channel channel) const {
+  if (channel == Channel::charge) return charge_slopes;
+  return channel == Channel::displacement ? displacement_slopes : force_slopes;
+}
+
 double residual_scale(const MeasuredColumn& column) {
   return 100 / (column.range * std::sqrt(static_cast<double>(column.rows.size())));
 }
 
 std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,
-                                               const Fidelity& fidelity) {
+                                               const Fidelity& fidelity,
+                                               std::span<const std::string> parameters) {
   const auto& drive = fidelity.coarse ? data.simplified : data.drive;
   const auto n = data.time.size();
   SimulatedRows out;
@@ -40,7 +48,18 @@ std::optional<SimulatedRows> simulate_recorded(const Model& model, const Recordi
   auto options = fidelity.simulation;
   if (options.most_steps == 0) options.most_steps = steps_at_least + steps_per_knot * drive.time.size();
   try {
-    simulate_at(model, drive.time, drive.field, data.time, spans, options);
+    if (parameters.empty()) {
+      simulate_at(model, drive.time, drive.field, data.time, spans, options);
+    } else {
+      for (auto* slopes : {&out.charge_slopes, &out.displacement_slopes, &out.force_slopes})
+        slopes->resize(n * parameters.size());
+      simulate_with_slopes(model, parameters, drive.time, drive.field, data.time, spans,
+                           {.field = {},
+                            .charge = out.charge_slopes,
+                            .displacement = out.displacement_slopes,
+                            .force = out.force_slopes},
+                           options);
+    }
   } catch (const Error& e) {
     if (e.code() == ErrorCode::numerical || e.code() == ErrorCode::bad_model) return std::nullopt;
     throw;

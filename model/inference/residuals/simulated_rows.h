@@ -2,6 +2,8 @@
 #pragma once
 
 #include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "model/inference/dataset/recording_data.h"
@@ -13,10 +15,15 @@ namespace ferrobench::model {
 struct SimulatedRows {
   std::vector<double> field, charge, displacement, force, plus, minus;
   const std::vector<double>& at(recordings::Channel channel) const;
+  // d channel / d parameter at [row * parameters + parameter], if they were asked for.
+  std::vector<double> charge_slopes, displacement_slopes, force_slopes;
+  const std::vector<double>& slopes_at(recordings::Channel channel) const;
 };
-// Empty where the model could not be simulated. Throws Error(cancelled).
+// `model` as it stands for the recording (model_for). With slopes by `parameters`, paths of the model's
+// numbers. Empty where the model could not be simulated. Throws Error(cancelled).
 std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,
-                                               const Fidelity& fidelity);
+                                               const Fidelity& fidelity,
+                                               std::span<const std::string> parameters = {});
 
 // Times a difference in SI: percent of the range, over the root of the number of rows.
 double residual_scale(const MeasuredColumn& column);

@@ -13,9 +13,9 @@ namespace {
 
 class Cost final : public ceres::CostFunction {
  public:
-  Cost(std::size_t residuals, std::size_t parameters, const ResidualFunction& function, double difference,
-       std::exception_ptr& thrown)
-      : function_(function), difference_(difference), thrown_(thrown) {
+  Cost(std::size_t residuals, std::size_t parameters, const ResidualFunction& function,
+       const LeastSquaresOptions& options, std::exception_ptr& thrown)
+      : function_(function), options_(options), thrown_(thrown) {
     set_num_residuals(static_cast<int>(residuals));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(parameters));
   }
@@ -26,10 +26,13 @@ class Cost final : public ceres::CostFunction {
     try {
       const auto rows = static_cast<std::size_t>(num_residuals());
       const std::span<const double> at(parameters[0], static_cast<std::size_t>(parameter_block_sizes()[0]));
-      if (!function_(at, {residuals, rows})) return false;
-      if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+      const bool wanted = jacobians != nullptr && jacobians[0] != nullptr;
+      Eigen::MatrixXd slopes;
+      const bool exact = wanted && options_.slopes && options_.slopes(at, {residuals, rows}, slopes);
+      if (!exact && !function_(at, {residuals, rows})) return false;
+      if (!wanted) return true;
       const Eigen::Map<Eigen::VectorXd> middle(residuals, num_residuals());
-      const auto slopes = jacobian(middle, at, function_, difference_);
+      if (!exact) slopes = jacobian(middle, at, function_, options_.difference);
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
           jacobians[0], slopes.rows(), slopes.cols()) = slopes;
       return true;
@@ -41,7 +44,7 @@ class Cost final : public ceres::CostFunction {
 
  private:
   const ResidualFunction& function_;
-  double difference_;
+  const LeastSquaresOptions& options_;
   std::exception_ptr& thrown_;
 };
 
@@ -91,7 +94,7 @@ LeastSquaresResult least_squares(std::size_t residuals, const std::vector<double
     return out;  // where Ceres would complain to the standard error output
   std::exception_ptr thrown;
   ceres::Problem problem;
-  problem.AddResidualBlock(new Cost(residuals, start.size(), function, options.difference, thrown), nullptr,
+  problem.AddResidualBlock(new Cost(residuals, start.size(), function, options, thrown), nullptr,
                            out.at.data());
   for (int i = 0; i < static_cast<int>(start.size()); ++i) {
     problem.SetParameterLowerBound(out.at.data(), i, 0);

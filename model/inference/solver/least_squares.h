@@ -11,12 +11,21 @@
 
 namespace ferrobench::model {
 
+// False where the residuals cannot be had: a step there is shortened. May throw, which ends the solution.
+// Called from several threads at once.
+using ResidualFunction = std::function<bool(std::span<const double> unit, std::span<double> out)>;
+// The same with d residual / d coordinate.
+using SlopeFunction =
+    std::function<bool(std::span<const double> unit, std::span<double> out, Eigen::MatrixXd& slopes)>;
+
 struct LeastSquaresOptions {
   int iterations = 30;
   double tolerance = 1e-5;  // ends once a step gains a smaller share of the sum of squares
   // Half the distance of the two points of a central difference. Sums over domains are steps on the scale of
   // a domain's own field, which a difference has to be wide against.
   double difference = 3e-3;
+  // Exact slopes; without them, or where they cannot be had, differences are taken.
+  SlopeFunction slopes;
   // Called with the sum of squares and the place at the start and after each step that gained.
   std::function<void(double squares, std::span<const double> at)> progress;
 };
@@ -25,10 +34,6 @@ struct LeastSquaresResult {
   std::vector<double> at;
   double squares = 0;  // infinite if the residuals cannot be had at the start
 };
-
-// False where the residuals cannot be had: a step there is shortened. May throw, which ends the solution.
-// Called from several threads at once.
-using ResidualFunction = std::function<bool(std::span<const double> unit, std::span<double> out)>;
 
 LeastSquaresResult least_squares(std::size_t residuals, const std::vector<double>& start,
                                  const ResidualFunction& function, const LeastSquaresOptions& options);

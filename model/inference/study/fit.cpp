@@ -122,12 +122,26 @@ class Study {
     };
   }
 
+  // Empty if differences must do.
+  SlopeFunction slopes(const Fidelity& fidelity) {
+    if (!residuals_.has_slopes()) return {};
+    return [this, &fidelity](std::span<const double> unit, std::span<double> out, Eigen::MatrixXd& slopes) {
+      watch_.count();
+      if (residuals_.evaluate_with_slopes(model_at(unit), fidelity, options_.free, out, slopes) == Solved::no)
+        return false;
+      for (std::size_t i = 0; i < unit.size(); ++i)
+        slopes.col(static_cast<Eigen::Index>(i)) *= unit_slope(options_.free[i], unit[i]);
+      return true;
+    };
+  }
+
   FitCandidate solve(const std::vector<double>& from, const Fidelity& fidelity, int iterations,
-                     double tolerance = 1e-5) {
+                     double tolerance = 1e-6) {
     if (from.empty()) return {};
     LeastSquaresOptions options;
     options.tolerance = tolerance;
     options.iterations = iterations;
+    options.slopes = slopes(fidelity);
     FitCandidate last{.at = from};  // where it cannot be simulated, a sum without end
     options.progress = [&](double squares, std::span<const double> at) {
       last = {{at.begin(), at.end()}, squares};
@@ -200,11 +214,16 @@ class Study {
 
   void uncertainty(const std::vector<double>& at, FitResult& out) {
     out.parameters.resize(at.size());
-    const auto f = function(fine_);
     Eigen::VectorXd r(static_cast<Eigen::Index>(residuals_.size()));
-    if (!f(at, {r.data(), residuals_.size()})) return;
-    const auto slopes = jacobian(r, at, f, LeastSquaresOptions{}.difference);
-    const auto c = covariance(residuals_.parts(), r, slopes);
+    const std::span<double> rows(r.data(), residuals_.size());
+    Eigen::MatrixXd j;
+    const auto exact = slopes(fine_);
+    if (!exact || !exact(at, rows, j)) {
+      const auto f = function(fine_);
+      if (!f(at, rows)) return;
+      j = jacobian(r, at, f, LeastSquaresOptions{}.difference);
+    }
+    const auto c = covariance(residuals_.parts(), r, j);
     for (Eigen::Index i = 0; i < c.rows(); ++i) {
       const auto k = static_cast<std::size_t>(i);
       auto& p = out.parameters[k];
