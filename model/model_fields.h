@@ -1,4 +1,4 @@
-// The fields of the model file (protocols/common/fields.h), and every number of a model by its path.
+// The fields of the model file (base/fields.h), and every number of a model by its path.
 #pragma once
 
 #include <cmath>

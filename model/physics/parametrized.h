@@ -8,8 +8,8 @@
 //   dg of (4.25).
 //
 // Switching goes on where the table says only if F_load < F_unload at every x+, which the model file demands
-// and the calibration (fit/calibrate.h) takes care of: where they cross neither way has a barrier, whatever
-// the loads, and x+ drifts to where the rates balance.
+// and the calibration (inference/study/calibrate.h) takes care of: where they cross neither way has a
+// barrier, whatever the loads, and x+ drifts to where the rates balance.
 //
 // x- stays zero: for fields that do not repole (0 .. 1.5 kV/mm).
 #pragma once
