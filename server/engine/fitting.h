@@ -14,7 +14,7 @@ struct FitRequest {
   std::vector<std::string> tables;  // either these or recordings
   std::vector<std::string> free;    // paths of the parameters that move; none: the usual ones
   nlohmann::json set = nlohmann::json::object();
-  std::int64_t starts = 4, iterations = 30, seed = 1;
+  std::int64_t starts = 6, iterations = 30, seed = 1;
   bool calibrate = false;
   bool report = false;
 };

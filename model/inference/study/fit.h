@@ -36,12 +36,12 @@ struct FitOptions {
   std::vector<FreeParameter> free;
   // 1: least squares from the model given alone. More: global searches, one less than this, and what the data
   // show.
-  int starts = 4;
+  int starts = 6;
   int refined = 3;      // starts from which the better simulation is tried
   int iterations = 30;  // of each least-squares solution, at most
   std::uint64_t seed = 1;
   // On the loops of a ceramic, which the model misses by 5 to 10 % of the range in each channel, root of the
-  // sum of squares over six channels: 1.4 % off at a twentieth of the cost, and 0.08 % off at a fifth.
+  // sum of squares over six channels: 1.4 % off at a twentieth of the cost, and 0.05 % off at less than half.
   SimulationFidelity coarse{128, 1e-3}, middle{1000, 1e-4};
   // As everywhere else, so that what is fitted is what will be simulated. Its `stop` ends the fit in the
   // middle of a simulation, with the best found before.
