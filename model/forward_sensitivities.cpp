@@ -124,7 +124,7 @@ void ForwardSensitivities::begin_trial(Part& part, const SolvedStep& step, doubl
   part.bend = unknown<Number>(step.bend.stress, bend_direction);
 }
 
-Causes ForwardSensitivities::causes_of(const Part& part, std::size_t direction) const {
+Causes ForwardSensitivities::causes_of(const Part& part, std::size_t direction) {
   Causes out{};
   const auto set = [&](Cause cause, double by) { out[static_cast<std::size_t>(cause)] = by; };
   const auto moved = [&](Cause cause, const Number& by) { set(cause, by.tangent[direction]); };
@@ -232,7 +232,7 @@ void ForwardSensitivities::solved(const SolvedStep& step) {
     }
     const auto& law = *part->law;
     const auto from = law.rates(part->at_before, part->around.means.plus);
-    Number plus = unknown<Number>(step.trial.means.plus, implicit_direction);
+    auto plus = unknown<Number>(step.trial.means.plus, implicit_direction);
     const auto moves =
         implicit_tangents(law.miss(part->trial.h, from, part->around.means.plus, part->at, plus));
     Number rate = law.slope(law.rates(part->at, plus), plus);

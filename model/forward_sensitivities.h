@@ -45,10 +45,10 @@ class ForwardSensitivities final : public StepObserver {
     Number piece_start = 0;  // s
   };
 
-  void begin_trial(Part& part, const SolvedStep& step, double done);
-  Causes causes_of(const Part& part, std::size_t direction) const;
+  static void begin_trial(Part& part, const SolvedStep& step, double done);
+  static Causes causes_of(const Part& part, std::size_t direction);
   void take_means(Part& part, const Means& means);
-  LoadTangents end_trial(Part& part);
+  static LoadTangents end_trial(Part& part);
   void put(Part& part, const ChannelValues<Number>& seen, std::size_t row);
 
   Simulator::State& state_;
