@@ -33,7 +33,7 @@ class EnsembleTangents {
     bool moves = false;  // has ever been other than zero
   };
   void swap_rows(std::size_t i, std::size_t j);
-  void clear(Direction& direction);
+  static void clear(Direction& direction);
 
   std::size_t parameters_, size_;
   std::vector<Direction> directions_;
