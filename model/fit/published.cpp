@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/units.h"
 #include "protocols/protocol.h"
-#include "recordings/tables/experiments.h"
 
 namespace ferrobench::model {
 namespace {
@@ -14,29 +12,31 @@ constexpr int samples_per_segment = 16;
 
 using Run = PublishedExperiments::Run;
 
-std::vector<Run> runs_of(const std::string& table, const std::map<std::string, double>& parameters) {
-  const auto& experiment = recordings::table_experiment(table);
-  const auto protocol = protocols::library_protocol(experiment.protocol);
-  std::vector<double> values;
-  if (!experiment.key.empty())
-    for (const auto& cell : recordings::published_table(table).cells)
-      if (const double v = cell.key(experiment.key);
-          std::find(values.begin(), values.end(), v) == values.end())
-        values.push_back(v);
+std::vector<Run> runs_of(const recordings::PublishedTable& table,
+                         const std::map<std::string, double>& parameters) {
+  const auto& description = table.description;
+  const auto protocol = protocols::library_protocol(description.protocol);
   const auto load = protocol.load();
+  protocols::ExpandOptions options;
+  options.parameters = description.parameters.get<decltype(options.parameters)>();
+  for (const auto& [name, value] : parameters)
+    if (protocol.parameters().contains(name)) options.parameters[name] = value;
+  const Run run{.waveform = {}, .spring_stiffness = load.spring_stiffness, .prestress = load.prestress};
   std::vector<Run> out;
-  for (std::size_t i = 0; i < std::max<std::size_t>(1, values.size()); ++i) {
-    protocols::ExpandOptions options;
-    if (experiment.rate) options.parameters["rate"] = *experiment.rate;
-    for (const auto& [name, value] : parameters)
-      if (protocol.parameters().contains(name)) options.parameters[name] = value;
-    Run run{.waveform = {}, .spring_stiffness = load.spring_stiffness, .prestress = load.prestress};
-    if (experiment.setting == "prestress_MPa")
-      run.prestress = values[i] * pascal_in_mpa;
-    else if (!experiment.setting.empty())
-      options.parameters[std::string(experiment.setting)] = values[i];
-    run.waveform = protocol.expand(options);
-    out.push_back(std::move(run));
+  const auto add = [&](Run next, const protocols::ExpandOptions& of) {
+    next.waveform = protocol.expand(of);
+    out.push_back(std::move(next));
+  };
+  const auto* key = table.run_key();
+  if (key == nullptr) add(run, options);
+  for (const double value : table.run_values()) {
+    auto next = run;
+    auto of = options;
+    if (key->kind == recordings::KeyKind::prestress)
+      next.prestress = value * key->si;
+    else
+      of.parameters[key->setting] = value;
+    add(std::move(next), of);
   }
   return out;
 }
@@ -94,13 +94,13 @@ PublishedExperiments::PublishedExperiments(const std::vector<std::string>& table
                                            const std::map<std::string, double>& parameters) {
   if (tables.empty()) throw Error(ErrorCode::invalid_params, "name at least one published table");
   for (const auto& name : tables) {
-    const auto& experiment = recordings::table_experiment(name);
-    auto group = std::ranges::find(groups_, experiment.protocol, &Group::protocol);
+    auto table = recordings::published_table(name);
+    auto group = std::ranges::find(groups_, table.description.protocol, &Group::protocol);
     if (group == groups_.end()) {
-      groups_.push_back({std::string(experiment.protocol), runs_of(name, parameters), {}});
+      groups_.push_back({table.description.protocol, runs_of(table, parameters), {}});
       group = groups_.end() - 1;
     }
-    group->tables.push_back(recordings::published_table(name));
+    group->tables.push_back(std::move(table));
   }
 }
 
@@ -131,6 +131,10 @@ double PublishedExperiments::duration() const {
 double log_error(const recordings::ComparedCell& cell) {
   const double ratio = cell.measured.value_or(0) / cell.published.published;
   return 0.5 * std::log(ratio * ratio + 4e-4);
+}
+
+double weighted_error(const recordings::ComparedCell& cell) {
+  return log_error(cell) / cell.published.uncertainty;
 }
 
 }  // namespace ferrobench::model

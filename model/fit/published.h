@@ -47,5 +47,7 @@ class PublishedExperiments {
 // ln(measured / published), level below 2 % of the published value: a change that passes through zero has no
 // logarithm.
 double log_error(const recordings::ComparedCell& cell);
+// That over how well the cell is known: what residuals of tables are made of.
+double weighted_error(const recordings::ComparedCell& cell);
 
 }  // namespace ferrobench::model

@@ -20,8 +20,11 @@ bool near(double value, double wanted) {
   return std::abs(value - wanted) <= share_match * std::abs(wanted);
 }
 
-bool is_displacement(const PublishedCell& cell) {
-  return cell.quantity.starts_with("displacement");
+// The cell's value of the key of a kind, in SI; none if the table has no such key.
+std::optional<double> key_of(const PublishedTable& table, const PublishedCell& cell, KeyKind kind) {
+  for (const auto& key : table.description.keys)
+    if (key.kind == kind) return cell.key(key.column) * key.si;
+  return std::nullopt;
 }
 
 struct Measured {
@@ -35,49 +38,57 @@ Measured measured_in(const Recording& r, Channel channel, double value, std::siz
   return {value, clipping.any(std::span(&channel, 1), first, last) ? std::string(channel_name(channel)) : ""};
 }
 
-std::optional<Measured> creep_of(const PublishedCell& cell, const Recording& r) {
-  const auto channel = is_displacement(cell) ? Channel::displacement : Channel::charge;
-  if (!r.has(channel)) return std::nullopt;
-  const double wanted = cell.key("field_kV_per_mm") * volts_per_m_in_kv_per_mm;
+// The longest hold at the field.
+std::optional<Hold> hold_at(const Recording& r, std::optional<double> field) {
   std::optional<Hold> found;
   for (const auto& hold : find_holds(r))
-    if (std::abs(hold.level - wanted) <= field_match && (!found || hold.duration > 1.01 * found->duration))
+    if ((!field || std::abs(hold.level - *field) <= field_match) &&
+        (!found || hold.duration > 1.01 * found->duration))
       found = hold;
-  if (!found) return std::nullopt;
-  const auto measured = is_displacement(cell) ? signal(r, channel) : polarization(r);
-  const double change = std::abs(measure_creep(r, measured, *found).change);
-  return measured_in(r, channel, is_displacement(cell) ? change / metre_in_um : change, found->first,
-                     found->last);
+  return found;
 }
 
-std::optional<Measured> stroke_of(const PublishedCell& cell, const Recording& r) {
+std::optional<Measured> creep_of(const TableQuantity& quantity, std::optional<double> field,
+                                 const Recording& r) {
+  const bool of_charge = quantity.channel == MeasuredChannel::charge;
+  const auto channel = of_charge ? Channel::charge : Channel::displacement;
+  if (!r.has(channel)) return std::nullopt;
+  const auto found = hold_at(r, field);
+  if (!found) return std::nullopt;
+  const double change = measure_creep(r, of_charge ? polarization(r) : signal(r, channel), *found).change;
+  return measured_in(r, channel, std::abs(change) / quantity.si, found->first, found->last);
+}
+
+std::optional<Measured> stroke_of(const TableQuantity& quantity, std::optional<double> rate,
+                                  const Recording& r) {
   if (!r.has(Channel::displacement)) return std::nullopt;
   const Analysis analysis(r);
   std::optional<Measured> largest;
   for (const auto& cycle : analysis.cycles()) {
-    if (!near(cycle.rate * r.header.specimen.layer_thickness, cell.key("rate_V_per_s"))) continue;
+    if (rate && !near(cycle.rate * r.header.specimen.layer_thickness, *rate)) continue;
     const auto stroke = analysis.meter().stroke(cycle.first, cycle.last);
-    if (stroke && (!largest || *stroke / metre_in_um > largest->value))
-      largest = measured_in(r, Channel::displacement, *stroke / metre_in_um, cycle.first, cycle.last);
+    if (stroke && (!largest || *stroke / quantity.si > largest->value))
+      largest = measured_in(r, Channel::displacement, *stroke / quantity.si, cycle.first, cycle.last);
   }
   return largest;
 }
 
-std::optional<Measured> measure(const std::string& table, const PublishedCell& cell, const Recording& r) {
-  if (table == "3.13") return stroke_of(cell, r);
-  const bool by_prestress = table != "3.10";
-  if (by_prestress && !near(r.header.load.prestress, cell.key("prestress_MPa") * pascal_in_mpa))
-    return std::nullopt;
-  return creep_of(cell, r);
+std::optional<Measured> measure(const PublishedTable& table, const PublishedCell& cell, const Recording& r) {
+  const auto prestress = key_of(table, cell, KeyKind::prestress);
+  if (prestress && !near(r.header.load.prestress, *prestress)) return std::nullopt;
+  const auto& quantity = table.quantity_of(cell);
+  switch (quantity.measure) {
+    case MeasureKind::creep:
+      return creep_of(quantity, key_of(table, cell, KeyKind::field), r);
+    case MeasureKind::stroke:
+      return stroke_of(quantity, key_of(table, cell, KeyKind::rate), r);
+  }
+  return std::nullopt;
 }
 
 std::optional<double> log_error(const ComparedCell& cell) {
   if (!cell.measured || !(*cell.measured > 0) || !cell.cut_off.empty()) return std::nullopt;
   return std::log(*cell.measured / cell.published.published);
-}
-
-bool in_arbitrary_units(const std::string& quantity) {
-  return quantity == "polarization_range";
 }
 
 }  // namespace
@@ -87,13 +98,18 @@ Comparison compare(const PublishedTable& table, std::span<const Recording> recor
   for (const auto& cell : table.cells) {
     out.cells.push_back({cell, std::nullopt});
     for (const auto& recording : recordings)
-      if (auto found = measure(table.name, cell, recording)) {
+      if (auto found = measure(table, cell, recording)) {
         out.cells.back().measured = found->value;
         out.cells.back().cut_off = std::move(found->cut_off);
         break;
       }
   }
   std::map<std::string, std::vector<double>> errors;
+  const auto in_arbitrary_units = [&table](const std::string& quantity) {
+    return std::ranges::any_of(table.description.quantities, [&quantity](const TableQuantity& q) {
+      return q.column == quantity && q.arbitrary();
+    });
+  };
   for (const auto& cell : out.cells)
     if (const auto error = log_error(cell)) errors[cell.published.quantity].push_back(*error);
   for (auto& [quantity, list] : errors) {

@@ -1,15 +1,9 @@
 // A published table with the values that recordings give for its cells, and how far they are apart.
 //
-// Which recording a cell is measured in:
-//   3.10        the hold at the cell's field (of several the longest)
-//   3.11, 3.12  the same, in the recording whose prestress is the cell's
-//   3.13        the largest stroke of the cycles at the cell's rate; V/s = V/m/s times the layer thickness
-// As in the source, a creep value is the difference between the values at the start and at the end of the
-// hold, without sign; the hold starts at the corner after the ramp (recordings/reports/creep.h says how noise
-// is dealt with).
-//
-// Table 3.10 gives the polarization in units of its own. The measured values are multiplied by the one factor
-// that makes the mean log error zero.
+// Where a cell is measured, its table's description says (description.h): in which recording, by prestress;
+// in which hold, by field; in which cycles, by rate. A hold starts at the corner after the ramp
+// (recordings/analysis/creep.h says how noise is dealt with). Measured values of a quantity in arbitrary
+// units are multiplied by the one factor that makes the mean log error zero.
 #pragma once
 
 #include <map>

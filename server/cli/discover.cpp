@@ -5,6 +5,7 @@
 
 #include "model/inference/report/discovery_report.h"
 #include "recordings/file/reader.h"
+#include "recordings/tables/published.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 #include "server/engine/simulation.h"
@@ -121,10 +122,12 @@ void add_discover(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand(
       "discover", "Find what a model misses in recordings, name it, add it, and prove it on unseen ones");
   auto o = std::make_shared<DiscoverCommand>();
+  const auto tables = recordings::published_table_names();
   sub->add_option("RECORDING", o->recordings,
                   "files, or names in the data folder; eight of different kinds are good");
-  sub->add_option("--table", o->tables,
-                  "a published table for a bench, in place of recordings: 3.10 ... 3.13")
+  sub->add_option(
+         "--table", o->tables,
+         "a published table for a bench, in place of recordings: " + tables.front() + " ... " + tables.back())
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   sub->add_option("--model", o->model, "the model in question, by name or file")->required();

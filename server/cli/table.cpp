@@ -60,7 +60,7 @@ void add_table(CLI::App& app, Common& common) {
   auto* sub =
       app.add_subcommand("table", "Run a published table's experiments on the virtual device and compare");
   auto o = std::make_shared<TableOptions>();
-  sub->add_option("TABLE", o->table, "3.10, 3.11, 3.12 or 3.13")
+  sub->add_option("TABLE", o->table, recordings::published_tables_in_words())
       ->required()
       ->check(one_of(recordings::published_table_names()));
   sub->add_option("--format", o->format, "of the table")

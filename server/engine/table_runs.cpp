@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <set>
 #include <thread>
 
 #include "daq/registry.h"
 #include "recordings/file/reader.h"
-#include "recordings/tables/experiments.h"
 #include "server/engine/live.h"
 #include "server/engine/run.h"
 
@@ -53,20 +51,20 @@ void follow(const std::vector<std::unique_ptr<Run>>& runs, const std::function<b
 std::vector<RunRequest> table_requests(const std::string& table, const nlohmann::json& model,
                                        const nlohmann::json& set, std::int64_t seed) {
   const auto published = recordings::published_table(table);
-  const auto& e = recordings::table_experiment(table);
-  RunRequest request{.protocol = std::string(e.protocol),
-                     .model = model.is_null() ? nlohmann::json(std::string(e.specimen)) : model,
+  const auto& e = published.description;
+  RunRequest request{.protocol = e.protocol,
+                     .model = model.is_null() ? nlohmann::json(e.specimen) : model,
                      .fast = true,
                      .seed = seed,
                      .set = set};
-  if (e.rate && !set.contains("rate")) request.set["rate"] = *e.rate;
-  if (e.key.empty()) return {request};
-  std::set<double> values;
-  for (const auto& cell : published.cells) values.insert(cell.key(e.key));
+  for (const auto& [name, value] : e.parameters.items())
+    if (!set.contains(name)) request.set[name] = value;
+  const auto* key = published.run_key();
+  if (key == nullptr) return {request};
   std::vector<RunRequest> out;
-  for (const double value : values) {
+  for (const double value : published.run_values()) {
     auto next = request;
-    next.set[std::string(e.setting)] = value;
+    next.set[key->setting] = value;
     out.push_back(std::move(next));
   }
   return out;

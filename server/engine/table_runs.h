@@ -8,7 +8,7 @@
 
 namespace ferrobench::server {
 
-// What to run for "3.10" to "3.13": one run for each prestress or rate in the table. `model` null: the
+// What to run for a table: one run for each prestress or rate in it. `model` null: the
 // shipped set of the table's specimen. `set` goes to every run and wins. Error(not_found) for another table.
 std::vector<RunRequest> table_requests(const std::string& table, const nlohmann::json& model,
                                        const nlohmann::json& set, std::int64_t seed);

@@ -1,6 +1,7 @@
 #include "model/inference/report/discovery_report.h"
 #include "model/inference/study/discover.h"
 #include "recordings/file/reader.h"
+#include "recordings/tables/published.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
 #include "server/rpc/schemas.h"
@@ -18,8 +19,11 @@ struct DiscoveryParams {
 };
 template <class Visitor>
 void describe(Visitor& visit, DiscoveryParams& p) {
+  static const auto names = recordings::published_table_names();
+  static const auto tables =
+      "in place of recordings: published tables, " + names.front() + " to " + names.back();
   visit("recordings", p.recordings, {.doc = "names of the recordings of the bench"});
-  visit("tables", p.tables, {.doc = "in place of recordings: published tables, 3.10 to 3.13"});
+  visit("tables", p.tables, {.doc = tables});
   visit("model", p.model, {.doc = "name or model in question; absent: the default one"});
   visit("held_out", p.held_out, {.doc = "names of those to lock away for the proof; absent: chosen"});
   visit("name", p.name, {.doc = "keeps the improved model under this name"});

@@ -16,7 +16,8 @@ struct TableParams {
 };
 template <class Visitor>
 void describe(Visitor& visit, TableParams& p) {
-  visit("table", p.table, {.required = true, .doc = "of the source: 3.10, 3.11, 3.12 or 3.13"});
+  static const auto tables = "of the source: " + recordings::published_tables_in_words();
+  visit("table", p.table, {.required = true, .doc = tables});
   visit("model", p.model, {.doc = "name or model; absent: the shipped set of the table's specimen"});
   visit("set", p.set, {.doc = "as for run.start, for every run of the table"});
   visit("seed", p.seed, {.min = 0, .doc = "of the noise"});

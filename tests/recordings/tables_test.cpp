@@ -26,6 +26,12 @@ TEST(PublishedTables, AreWhole) {
   EXPECT_EQ(table.cells[3].key("prestress_MPa"), 4);
   EXPECT_EQ(table.cells[3].key("field_kV_per_mm"), -0.55);
   EXPECT_EQ(table.cells[3].published, 4.6);
+  EXPECT_EQ(table.cells[0].uncertainty, 0.4);
+  EXPECT_EQ(table.cells[1].uncertainty, 0.2);
+  EXPECT_EQ(published_table("3.13").cells[0].uncertainty, 0.005);
+  EXPECT_THAT(published_table("3.13").run_values(), ::testing::ElementsAre(5, 50, 500, 5000));
+  EXPECT_EQ(published_table("3.10").run_key(), nullptr);
+  EXPECT_EQ(published_tables_in_words(), "3.10, 3.11, 3.12 or 3.13");
   EXPECT_THROW(published_table("3.1"), Error);
   EXPECT_THROW(published_table("../3.10"), Error);
 }

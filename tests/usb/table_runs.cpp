@@ -11,7 +11,7 @@
 
 #include "boards/virtual_bench.h"
 #include "recordings/file/reader.h"
-#include "recordings/tables/experiments.h"
+#include "recordings/tables/comparison.h"
 #include "rig.h"
 #include "server/engine/live.h"
 #include "server/engine/run.h"

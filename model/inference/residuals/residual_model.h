@@ -93,9 +93,9 @@ class ResidualModel {
 // field if there is none).
 std::unique_ptr<ResidualModel> recording_residuals(std::vector<recordings::Recording> recordings);
 
-// Published tables, fitted together: the logarithm of each cell's ratio, and that the displacement's creep
-// changes with the prestress in the direction that was published. `parameters` override those of the
-// protocols (for example rate).
+// Published tables, fitted together: the logarithm of each cell's ratio over how well the cell is known, and
+// that creep changes with the prestress in the direction that was published. `parameters` override those of
+// the protocols (for example rate).
 std::unique_ptr<ResidualModel> table_residuals(const std::vector<std::string>& tables,
                                                const std::map<std::string, double>& parameters = {});
 // The comparison that the residuals are made of, for a look at the cells.

@@ -12,7 +12,7 @@ class TableResiduals final : public ResidualModel {
   TableResiduals(const std::vector<std::string>& tables, const std::map<std::string, double>& parameters)
       : experiments_(tables, parameters) {
     for (const auto& table : experiments_.tables()) {
-      const auto count = table.cells.size() + (has_trends(table) ? trends(table).size() : 0);
+      const auto count = table.cells.size() + trends(table).size();
       parts_.push_back({"table " + table.name, size_, count, true});
       size_ += count;
     }
@@ -34,10 +34,9 @@ class TableResiduals final : public ResidualModel {
       std::vector<double> logs;
       for (const auto& cell : cells) {
         logs.push_back(log_error(cell));
-        out[next++] = (table.name == "3.13" ? 50 : 1) * logs.back();
+        out[next++] = weighted_error(cell);
       }
-      if (has_trends(table))
-        for (const auto& [low, high] : trends(table)) out[next++] = against_trend(table, logs, low, high);
+      for (const auto& [low, high] : trends(table)) out[next++] = against_trend(table, logs, low, high);
     }
     return std::ranges::all_of(out, [](double r) { return std::isfinite(r); }) ? Solved::yes : Solved::no;
   }
@@ -52,35 +51,39 @@ class TableResiduals final : public ResidualModel {
   }
 
  private:
-  static bool has_trends(const recordings::PublishedTable& table) {
-    return table.cells.front().quantity.starts_with("displacement_change") &&
-           std::ranges::any_of(table.cells.front().keys,
-                               [](const auto& key) { return key.first == "prestress_MPa"; });
-  }
-
-  // Pairs of cells at the same reverse field and neighbouring prestress.
+  // Pairs of cells that follow each other along the trend's key and are alike in all other keys.
   static std::vector<std::pair<std::size_t, std::size_t>> trends(const recordings::PublishedTable& table) {
+    const auto& trend = table.description.trend;
     std::vector<std::pair<std::size_t, std::size_t>> out;
+    if (!trend) return out;
+    const auto others = [&trend](const recordings::PublishedCell& cell) {
+      auto keys = cell.keys;
+      std::erase_if(keys, [&trend](const auto& key) { return key.first == trend->along; });
+      return keys;
+    };
     for (std::size_t i = 0; i < table.cells.size(); ++i) {
+      const auto& a = table.cells[i];
+      if (a.quantity != table.description.quantities.front().column || a.key(trend->where_negative) >= 0)
+        continue;
       std::optional<std::size_t> next;
       for (std::size_t j = 0; j < table.cells.size(); ++j) {
-        const auto& a = table.cells[i];
         const auto& b = table.cells[j];
-        if (a.key("field_kV_per_mm") >= 0 || a.key("field_kV_per_mm") != b.key("field_kV_per_mm")) continue;
-        if (b.key("prestress_MPa") <= a.key("prestress_MPa")) continue;
-        if (!next || b.key("prestress_MPa") < table.cells[*next].key("prestress_MPa")) next = j;
+        if (a.quantity != b.quantity || others(a) != others(b) || b.key(trend->along) <= a.key(trend->along))
+          continue;
+        if (!next || b.key(trend->along) < table.cells[*next].key(trend->along)) next = j;
       }
       if (next) out.emplace_back(i, *next);
     }
     return out;
   }
 
-  // Zero if the creep changes the published way by 4 % or more.
+  // Zero if the cells differ the published way by as much as the trend says, or more.
   static double against_trend(const recordings::PublishedTable& table, const std::vector<double>& logs,
                               std::size_t low, std::size_t high) {
+    const auto& trend = *table.description.trend;
     const double published = std::log(table.cells[high].published / table.cells[low].published);
     const double simulated = published + logs[high] - logs[low];
-    return 4 * std::max(0.0, 0.04 - (published < 0 ? -simulated : simulated));
+    return std::max(0.0, trend.least - (published < 0 ? -simulated : simulated)) / trend.uncertainty;
   }
 
   PublishedExperiments experiments_;

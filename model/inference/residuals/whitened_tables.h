@@ -2,9 +2,7 @@
 //
 //   ln(published / simulated) / std
 //
-// std is how well a cell is known: strokes of table 3.13 to 0.5 %, creep over a hold to 20 %
-// (two digits, one specimen), twice that where the print is doubtful. An assumption, as no noise was
-// published.
+// std is how well a cell is known, as the table's description says (recordings/tables).
 #pragma once
 
 #include "model/fit/published.h"
@@ -39,7 +37,6 @@ class WhitenedTableCells final : public WhitenedResiduals {
   void fill(std::span<const Wanted> alike, std::size_t part) const override;
 
   const PublishedExperiments& experiments_;
-  std::vector<TableCell> cells_;
   std::vector<std::size_t> chosen_;
 };
 
