@@ -38,9 +38,7 @@ std::vector<TableCell> cells_of(const PublishedExperiments& experiments) {
 WhitenedTableCells::WhitenedTableCells(const PublishedExperiments& experiments,
                                        std::vector<std::size_t> chosen, SimulationOptions simulation,
                                        int threads)
-    : WhitenedResiduals(simulation, threads),
-      experiments_(experiments),
-      chosen_(std::move(chosen)) {
+    : WhitenedResiduals(simulation, threads), experiments_(experiments), chosen_(std::move(chosen)) {
   size_ = static_cast<Eigen::Index>(chosen_.size());
 }
 
