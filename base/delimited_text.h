@@ -61,7 +61,7 @@ class DelimitedText {
   void skip_blanks();
   bool skip_line_end();
   bool is_blank(char c) const { return c == ' ' || (c == '\t' && delimiter_ != '\t'); }
-  bool is_end(char c) const { return c == '\n' || c == '\r'; }
+  static bool is_end(char c) { return c == '\n' || c == '\r'; }
   std::optional<double> value_of(std::string_view cell);
   char find_delimiter(std::string_view text) const;
 
