@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <type_traits>
+#include <optional>
 
 #include "model/effects/catalogue.h"
+#include "model/model_fields.h"
 
 namespace ferrobench::model {
 namespace {
@@ -62,96 +63,44 @@ void collect(const nlohmann::json& json, const std::string& path, std::vector<st
   }
 }
 
-// A number of the model outside of its effects: where it stands, and the range in which a fit may move it.
-struct ModelNumber {
+// Where a fit may move a number of the model outside of its effects.
+struct NumberRange {
   std::string_view path;
   double low = 0, high = 0;
-  bool logarithmic = false;
-  double (*get)(const Model&) = nullptr;
-  void (*set)(Model&, double) = nullptr;
+  bool logarithmic = true;
 };
-
-template <auto part, auto member>
-constexpr ModelNumber number(std::string_view path, double low, double high, bool logarithmic) {
-  return {path,
-          low,
-          high,
-          logarithmic,
-          [](const Model& m) { return static_cast<double>(m.*part.*member); },
-          [](Model& m, double value) {
-            using Number = std::remove_cvref_t<decltype(m.*part.*member)>;
-            if constexpr (std::is_integral_v<Number>)
-              m.*part.*member = std::llround(value);
-            else
-              m.*part.*member = value;
-          }};
-}
-
-template <auto member>
-constexpr ModelNumber material(std::string_view path, double low, double high, bool logarithmic = true) {
-  return number<&Model::material, member>(path, low, high, logarithmic);
-}
-template <auto member>
-constexpr ModelNumber polycrystal(std::string_view path, double low, double high, bool logarithmic = true) {
-  return number<&Model::polycrystal, member>(path, low, high, logarithmic);
-}
-template <auto member>
-constexpr ModelNumber actuator(std::string_view path, double low, double high) {
-  return number<&Model::actuator, member>(path, low, high, true);
-}
-template <auto member>
-constexpr ModelNumber load(std::string_view path, double low, double high, bool logarithmic) {
-  return number<&Model::load, member>(path, low, high, logarithmic);
-}
-
-constexpr std::array numbers{
-    material<&Material::remanent_polarization>("material.remanent_polarization", 0.1, 0.6),
-    material<&Material::remanent_strain_90>("material.remanent_strain_90", -0.02, -0.0005),
-    material<&Material::permittivity_180>("material.permittivity_180", 1e-9, 1e-7),
-    material<&Material::permittivity_90>("material.permittivity_90", 1e-9, 1e-7),
-    material<&Material::compliance_180>("material.compliance_180", 8e-12, 5e-11),
-    material<&Material::compliance_90>("material.compliance_90", 8e-12, 5e-11),
-    material<&Material::piezoelectric_180>("material.piezoelectric_180", 1e-10, 1.2e-9),
-    material<&Material::barrier>("material.barrier", 2e3, 5e5),
-    material<&Material::relaxation_time>("material.relaxation_time", 1e-12, 10),
-    material<&Material::activation_volume>("material.activation_volume", 1e-26, 1e-22),
-    material<&Material::temperature>("material.temperature", 253, 373, false),
-    polycrystal<&Polycrystal::barrier_log_std>("polycrystal.barrier_log_std", 0.01, 1.5),
-    polycrystal<&Polycrystal::interaction_field_std>("polycrystal.interaction_field_std", 1e3, 1.5e6),
-    polycrystal<&Polycrystal::interaction_stress_std>("polycrystal.interaction_stress_std", 1e4, 2e8),
-    polycrystal<&Polycrystal::bias_field>("polycrystal.bias_field", -5e5, 5e5, false),
-    actuator<&Actuator::length>("actuator.length", 1e-4, 1),
-    actuator<&Actuator::area>("actuator.area", 1e-8, 1e-2),
-    actuator<&Actuator::layer_thickness>("actuator.layer_thickness", 1e-7, 1e-2),
-    actuator<&Actuator::layer_count>("actuator.layer_count", 1, 1e5),
-    ModelNumber{"actuator.passive_stiffness", 1e5, 1e10, true,
-                [](const Model& m) { return m.actuator.passive_stiffness.value_or(0); },
-                [](Model& m, double value) { m.actuator.passive_stiffness = value; }},
-    load<&Load::spring_stiffness>("load.spring_stiffness", 1e3, 1e9, true),
-    load<&Load::prestress>("load.prestress", 0, 1e8, false)};
-
-const ModelNumber* number_of(std::string_view path) {
-  const auto* found = std::ranges::find(numbers, path, &ModelNumber::path);
-  return found == numbers.end() ? nullptr : found;
-}
-
-// "effects.<id>.<parameter>"; null if the model has no such effect.
-template <class ModelOrConst>
-auto* effect_number(ModelOrConst& model, std::string_view path) {
-  decltype(&model.effects.front().parameters.front().second) found = nullptr;
-  for (auto& effect : model.effects)
-    for (auto& [name, value] : effect.parameters)
-      if (path == "effects." + effect.id + "." + name) found = &value;
-  return found;
-}
+constexpr std::array ranges{NumberRange{"material.remanent_polarization", 0.1, 0.6},
+                            NumberRange{"material.remanent_strain_90", -0.02, -0.0005},
+                            NumberRange{"material.permittivity_180", 1e-9, 1e-7},
+                            NumberRange{"material.permittivity_90", 1e-9, 1e-7},
+                            NumberRange{"material.compliance_180", 8e-12, 5e-11},
+                            NumberRange{"material.compliance_90", 8e-12, 5e-11},
+                            NumberRange{"material.piezoelectric_180", 1e-10, 1.2e-9},
+                            NumberRange{"material.barrier", 2e3, 5e5},
+                            NumberRange{"material.relaxation_time", 1e-12, 10},
+                            NumberRange{"material.activation_volume", 1e-26, 1e-22},
+                            NumberRange{"material.temperature", 253, 373, false},
+                            NumberRange{"polycrystal.barrier_log_std", 0.01, 1.5},
+                            NumberRange{"polycrystal.interaction_field_std", 1e3, 1.5e6},
+                            NumberRange{"polycrystal.interaction_stress_std", 1e4, 2e8},
+                            NumberRange{"polycrystal.bias_field", -5e5, 5e5, false},
+                            NumberRange{"actuator.length", 1e-4, 1},
+                            NumberRange{"actuator.area", 1e-8, 1e-2},
+                            NumberRange{"actuator.layer_thickness", 1e-7, 1e-2},
+                            NumberRange{"actuator.layer_count", 1, 1e5},
+                            NumberRange{"actuator.passive_stiffness", 1e5, 1e10},
+                            NumberRange{"load.spring_stiffness", 1e3, 1e9},
+                            NumberRange{"load.prestress", 0, 1e8, false}};
 
 }  // namespace
 
 double get_parameter(const Model& model, std::string_view path) {
-  if (const auto* n = number_of(path);
-      n != nullptr && (path != "actuator.passive_stiffness" || model.actuator.passive_stiffness))
-    return n->get(model);
-  if (const auto* v = effect_number(model, path)) return *v;
+  auto copy = model;
+  std::optional<double> found;
+  for_each_number(copy, [&](const std::string& name, double& number) {
+    if (name == path) found = number;
+  });
+  if (found) return *found;
   unknown(model, path);
 }
 
@@ -166,12 +115,13 @@ Model with_parameters(const Model& model, const std::vector<std::pair<std::strin
 }
 
 void set_parameter(Model& model, std::string_view path, double value) {
-  if (const auto* n = number_of(path))
-    n->set(model, value);
-  else if (auto* v = effect_number(model, path))
-    *v = value;
-  else
-    unknown(model, path);
+  bool found = false;
+  for_each_number(model, [&](const std::string& name, double& number) {
+    if (name != path) return;
+    number = value;
+    found = true;
+  });
+  if (!found) unknown(model, path);
 }
 
 std::vector<std::string> parameter_paths(const Model& model) {
@@ -195,7 +145,8 @@ std::string parameter_unit(std::string_view path) {
 }
 
 FreeParameter free_parameter(const Model& model, std::string_view path) {
-  if (const auto* n = number_of(path)) return {std::string(path), n->low, n->high, n->logarithmic};
+  if (const auto* r = std::ranges::find(ranges, path, &NumberRange::path); r != ranges.end())
+    return {std::string(path), r->low, r->high, r->logarithmic};
   if (path.starts_with("effects.")) {
     const auto rest = path.substr(8);
     const auto dot = rest.find('.');

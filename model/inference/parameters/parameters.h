@@ -14,8 +14,8 @@ namespace ferrobench::model {
 // Both throw Error(invalid_params) with the nearest name if there is no such number in the model.
 double get_parameter(const Model& model, std::string_view path);
 Model with_parameters(const Model& model, const std::vector<std::pair<std::string, double>>& values);
-// The same for one number that is known to be there and a value that is known to be allowed: no text is made
-// and read, which takes as long as a coarse simulation. Throws as the others.
+// Sets one number to a value that is known to be allowed: nothing is checked, and no text is made and read
+// for it. Throws as the others.
 void set_parameter(Model& model, std::string_view path, double value);
 // Every number of the model, in the file's order.
 std::vector<std::string> parameter_paths(const Model& model);

@@ -18,7 +18,7 @@
 namespace ferrobench::model::inference {
 
 struct ScaledParameter {
-  std::string path;  // as in fit/parameters.h, or "gain.charge", "factor.prestress"
+  std::string path;  // as in parameters.h, or "gain.charge", "factor.prestress"
   double from = 0;   // the value at z = 0
   double scale = 1;  // of ln(value) if logarithmic, else of the value
   bool logarithmic = true;
