@@ -39,11 +39,18 @@ ModelOf<DualNumber> with_tangents(const Model& model, std::span<const std::strin
 }
 
 ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model& model,
-                                           std::span<const std::string> parameters, const SlopeSpans& out)
-    : state_(state), parameters_(parameters.size()), out_(out) {
+                                           std::span<const std::string> parameters, const SlopeSpans& out,
+                                           const DriveDirections& drive)
+    : state_(state),
+      drive_(drive),
+      parameters_(parameters.size() + drive.count),
+      first_direction_(parameters.size()),
+      out_(out) {
   for (std::size_t first = 0; first < parameters_; first += parameter_directions) {
     const std::size_t count = std::min(parameter_directions, parameters_ - first);
-    auto part = std::make_unique<Part>(with_tangents(model, parameters.subspan(first, count)));
+    const std::size_t begin = std::min(first, parameters.size());
+    auto part = std::make_unique<Part>(
+        with_tangents(model, parameters.subspan(begin, std::min(count, parameters.size() - begin))));
     part->first = first;
     part->count = count;
     if (state.ensemble == nullptr) part->law.emplace(part->around.model, part->around.constants);
@@ -63,10 +70,24 @@ ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model&
   }
 }
 
+// The value of a knot with the tangents that the drive's directions give it.
+ForwardSensitivities::Number ForwardSensitivities::knot(const Part& part, double value,
+                                                        std::span<const double> slopes,
+                                                        std::size_t index) const {
+  Number out(value);
+  if (slopes.empty()) return out;
+  for (std::size_t p = 0; p < part.count; ++p)
+    if (part.first + p >= first_direction_)
+      out.tangent[p] = slopes[index * drive_.count + part.first + p - first_direction_];
+  return out;
+}
+
 void ForwardSensitivities::start(double field) {
+  knot_ = 0;
   for (auto& part : parts_) {
     auto& around = part->around;
-    around.start(field);
+    part->command = knot(*part, field, drive_.field, 0);
+    around.start(part->command);
     part->at = part->at_before = {around.material.field, around.material.stress};
     part->polarization = part->polarization_before = around.remanent(0);
     part->trial = {};
@@ -92,8 +113,15 @@ void ForwardSensitivities::start(double field) {
 }
 
 void ForwardSensitivities::play(const FieldPiece& command, std::size_t pieces) {
+  ++knot_;
   for (auto& part : parts_) {
-    part->pieces = part->around.driven({command.duration, command.from, command.to});
+    const auto to = knot(*part, command.to, drive_.field, knot_);
+    Number duration(command.duration);
+    if (!drive_.time.empty())
+      duration.tangent =
+          (knot(*part, 0, drive_.time, knot_) - knot(*part, 0, drive_.time, knot_ - 1)).tangent;
+    part->pieces = part->around.driven({duration, part->command, to});
+    part->command = to;
     if (part->pieces.size() != pieces)
       throw Error(ErrorCode::internal, "the amplifier's pieces are not those of the simulation");
   }
@@ -301,9 +329,13 @@ SimulationStatistics simulate_with_slopes(const Model& model, std::span<const st
                                           std::span<const double> knot_time,
                                           std::span<const double> knot_field, std::span<const double> times,
                                           const ChannelSpans& out, const SlopeSpans& slopes,
-                                          const SimulationOptions& options) {
+                                          const SimulationOptions& options, const DriveDirections& drive) {
+  const std::size_t knots = drive.count * knot_time.size();
+  if ((!drive.time.empty() && drive.time.size() != knots) || drive.field.size() != knots)
+    throw Error(ErrorCode::invalid_params, "the drive's directions must give each knot an entry",
+                Problem{.path = "/drive", .message = "has another length", .given = drive.field.size()});
   Simulator::State state(model, options);
-  ForwardSensitivities sensitivities(state, model, parameters, slopes);
+  ForwardSensitivities sensitivities(state, model, parameters, slopes, drive);
   state.observer = &sensitivities;
   play_knots(state, knot_time, knot_field, times, out, [&](std::size_t done) { sensitivities.begin(done); });
   return state.statistics;

@@ -13,9 +13,10 @@ ModelOf<DualNumber> with_tangents(const Model& model, std::span<const std::strin
 
 class ForwardSensitivities final : public StepObserver {
  public:
-  // `state` is that of the simulation, made from `model`, and must outlive this.
+  // `state` is that of the simulation, made from `model`, and must outlive this, as must what `drive` refers
+  // to.
   ForwardSensitivities(Simulator::State& state, const Model& model, std::span<const std::string> parameters,
-                       const SlopeSpans& out);
+                       const SlopeSpans& out, const DriveDirections& drive = {});
 
   // Rows that are asked for next follow those that are done.
   void begin(std::size_t done) { first_row_ = done; }
@@ -36,7 +37,8 @@ class ForwardSensitivities final : public StepObserver {
     explicit Part(ModelOf<Number> model) : around(std::move(model)) {}
     Surroundings<Number> around;
     std::optional<ParametrizedLaw<Number>> law;
-    std::size_t first = 0, count = 0;  // of the parameters
+    std::size_t first = 0, count = 0;  // of the parameters and directions of the drive
+    Number command = 0;                // V/m, at the last knot
     std::vector<FieldPieceOf<Number>> pieces;
     Trial<Number> trial;
     LoadsOf<Number> at, at_before;  // that the kinetics see
@@ -45,6 +47,7 @@ class ForwardSensitivities final : public StepObserver {
     Number piece_start = 0;  // s
   };
 
+  Number knot(const Part& part, double value, std::span<const double> slopes, std::size_t index) const;
   static void begin_trial(Part& part, const SolvedStep& step, double done);
   static Causes causes_of(const Part& part, std::size_t direction);
   void take_means(Part& part, const Means& means);
@@ -52,8 +55,11 @@ class ForwardSensitivities final : public StepObserver {
   void put(Part& part, const ChannelValues<Number>& seen, std::size_t row);
 
   Simulator::State& state_;
-  std::size_t parameters_;
+  DriveDirections drive_;
+  std::size_t parameters_;       // and directions of the drive, which follow them
+  std::size_t first_direction_;  // the first of these
   SlopeSpans out_;
+  std::size_t knot_ = 0;  // that has been reached
   std::vector<std::unique_ptr<Part>> parts_;
   std::optional<EnsembleTangents> domains_;
   std::vector<Causes> causes_;

@@ -21,17 +21,27 @@
 namespace ferrobench::model {
 
 // Each either empty (not wanted) or times x parameters, row by row: d channel(times[i]) / d parameter[j] at
-// [i * parameters + j], in the channel's unit per unit of the parameter.
+// [i * parameters + j], in the channel's unit per unit of the parameter. Directions of the drive count as
+// parameters, and come after them.
 struct SlopeSpans {
   std::span<double> field, charge, displacement, force;
 };
 
-// simulate_at() with slopes by `parameters`, paths as in inference/parameters. Error(invalid_params) if the
-// model has no such number.
+// Directions in which the drive itself moves: d knot_time[k] / d direction[j] in s and d knot_field[k] /
+// d direction[j] in V/m, at [k * count + j]. `time` may be empty: the knots stay where they are.
+struct DriveDirections {
+  std::size_t count = 0;
+  std::span<const double> time, field;
+};
+
+// simulate_at() with slopes by `parameters`, paths as in inference/parameters, followed by those by the
+// directions of `drive`: parameters + directions a row. Error(invalid_params) if the model has no such number
+// or `drive` is not as long as it must be.
 SimulationStatistics simulate_with_slopes(const Model& model, std::span<const std::string> parameters,
                                           std::span<const double> knot_time,
                                           std::span<const double> knot_field, std::span<const double> times,
                                           const ChannelSpans& out, const SlopeSpans& slopes,
-                                          const SimulationOptions& options = {});
+                                          const SimulationOptions& options = {},
+                                          const DriveDirections& drive = {});
 
 }  // namespace ferrobench::model

@@ -384,7 +384,7 @@ TEST(Discrepancy, TheBaseIsTriedFromWhereAnEffectLed) {
   inference::WhitenedRecordings fine(bench, noises, {0, 1}, simulation, 2);
   const auto hypothesis = inference::base_hypothesis(given(), bench);
   auto base = inference::minimize(coarse, hypothesis, inference::prior_mean(hypothesis),
-                                  {.iterations = 1, .refreshes = 0, .tick = {}});
+                                  {.iterations = 1, .tick = {}});
   inference::apply_fidelity_correction(coarse, fine, base);
   inference::refresh_jacobian(coarse, base);
   inference::SelectionTask task{.candidates = {&find_effect("displacement_drift")},

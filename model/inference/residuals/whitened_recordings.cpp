@@ -14,12 +14,12 @@ constexpr double believed_offset = 0.03;  // of the range
 // An effect that makes the model stiffer than this is not the one that is looked for.
 constexpr std::uint64_t dearer_at_most = 12, few_steps = 5000;
 
-double gain_of(const Setting& setting, recordings::Channel channel) {
+}  // namespace
+
+double WhitenedRecordings::gain_of(const Setting& setting, recordings::Channel channel) {
   const auto k = std::ranges::find(compared_channels, channel) - compared_channels.begin();
   return setting.gain.at(static_cast<std::size_t>(k));
 }
-
-}  // namespace
 
 WhitenedRecordings::WhitenedRecordings(const std::vector<BenchRecording>& bench,
                                        const std::vector<std::vector<NoiseModel>>& noise,
@@ -116,13 +116,17 @@ std::vector<double> WhitenedRecordings::limits(const EffectParameter& parameter)
 std::vector<std::vector<double>> WhitenedRecordings::channels(const Setting& setting,
                                                               std::size_t recording) const {
   const auto at = apply_setting(setting, bench_[recording]);
-  auto options = simulation();
-  auto& coarse = reference_steps_[recording];
-  if (coarse > 0) options.most_steps = few_steps + dearer_at_most * coarse;
   SimulationStatistics statistics;
-  auto out = simulate_bench(setting.model, at, options, &statistics);
-  if (coarse == 0) coarse = statistics.tried;
+  auto out = simulate_bench(setting.model, at, bounded(recording), &statistics);
+  if (reference_steps_[recording] == 0) reference_steps_[recording] = statistics.tried;
   return out;
+}
+
+SimulationOptions WhitenedRecordings::bounded(std::size_t recording) const {
+  auto options = simulation();
+  if (const std::uint64_t reference = reference_steps_[recording]; reference > 0)
+    options.most_steps = few_steps + dearer_at_most * reference;
+  return options;
 }
 
 void WhitenedRecordings::finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const {
@@ -169,28 +173,6 @@ void WhitenedRecordings::marginalize(const DriveMarginal& a, Eigen::Ref<Eigen::V
 // NOLINTNEXTLINE(performance-unnecessary-value-param): written through
 void WhitenedRecordings::marginalize(Eigen::Ref<Eigen::VectorXd> column) const {
   for (const auto& a : drive_marginals_) marginalize(a, column);
-}
-
-Eigen::MatrixXd WhitenedRecordings::drive_jacobian(const Setting& setting, std::size_t position,
-                                                   const Eigen::VectorXd& normals) const {
-  const auto& r = bench_[chosen_[position]];
-  const auto [first, last] = blocks_of_[position];
-  const Eigen::Index begin = blocks_[first].begin;
-  const auto part_of = [&, first = first, last = last](const BenchRecording& drive) {
-    const auto simulated = simulate_bench(setting.model, apply_setting(setting, drive), simulation());
-    Eigen::VectorXd out(blocks_[last - 1].begin + blocks_[last - 1].count - begin);
-    for (std::size_t b = first; b < last; ++b) {
-      const auto& block = blocks_[b];
-      const double gain = gain_of(setting, r.channels[block.channel].channel);
-      out.segment(block.begin - begin, block.count) = gain * whiten(block, simulated[block.channel]);
-    }
-    return out;
-  };
-  const Eigen::VectorXd rest = part_of(r.with_knots_moved(r.knot_error * normals));
-  Eigen::MatrixXd out(rest.size(), r.knot_error.cols());
-  for (Eigen::Index k = 0; k < out.cols(); ++k)
-    out.col(k) = part_of(r.with_knots_moved(r.knot_error * normals + r.knot_error.col(k))) - rest;
-  return out;
 }
 
 Eigen::VectorXd WhitenedRecordings::posterior_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,

@@ -7,6 +7,7 @@
 
 #include "model/inference/observation/noise.h"
 #include "model/inference/residuals/whitened_residuals.h"
+#include "model/sensitivities.h"
 
 namespace ferrobench::model::inference {
 
@@ -27,6 +28,8 @@ class WhitenedRecordings final : public WhitenedResiduals {
   const std::vector<BenchRecording>& bench() const { return bench_; }
   const std::vector<std::size_t>& chosen() const { return chosen_; }
 
+  std::optional<Eigen::MatrixXd> slopes(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                        Eigen::Index first = 0) const override;
   Times times() const override;
   std::vector<double> tones(const Eigen::VectorXd& residual, const EffectParameter& range,
                             std::size_t count) const override;
@@ -72,6 +75,19 @@ class WhitenedRecordings final : public WhitenedResiduals {
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
   std::vector<std::vector<double>> channels(const Setting& setting,
                                             std::size_t recording) const;  // without gains
+  struct ChannelsWithSlopes {
+    std::vector<std::vector<double>> values, slopes;  // by channel; slopes: rows x (numbers + directions)
+  };
+  // The same with slopes by numbers of the model and by directions of the drive. Empty if it cannot be
+  // solved.
+  // `at` is the recording as the setting has it.
+  std::optional<ChannelsWithSlopes> channels_with_slopes(const Setting& setting, std::size_t recording,
+                                                         const BenchRecording& at,
+                                                         const std::vector<std::string>& numbers,
+                                                         const DriveDirections& directions) const;
+  // What a simulation of the recording may cost.
+  SimulationOptions bounded(std::size_t recording) const;
+  static double gain_of(const Setting& setting, recordings::Channel channel);
   // Changes of a recording's part of the simulated signals, whitened, by the columns of knot_error.
   Eigen::MatrixXd drive_jacobian(const Setting& setting, std::size_t position,
                                  const Eigen::VectorXd& normals) const;

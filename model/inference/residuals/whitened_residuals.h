@@ -9,6 +9,7 @@
 
 #include <Eigen/Dense>
 #include <atomic>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -39,6 +40,11 @@ class WhitenedResiduals {
   // At several places at once, spread over the threads.
   std::vector<Eigen::VectorXd> evaluate(
       const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const;
+
+  // d residual / dz at z by the parameters from `first` on, a column each. Empty if the model cannot be
+  // solved there, or its slopes cannot be had.
+  virtual std::optional<Eigen::MatrixXd> slopes(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                                Eigen::Index first = 0) const;
 
   // Whether a change of the residuals comes from a model that could not be solved on one side of it.
   static bool is_unsolved(const Eigen::VectorXd& change) {

@@ -12,7 +12,7 @@
 namespace ferrobench::model::inference {
 namespace {
 
-constexpr int other_starts = 4;
+constexpr int other_starts = 2;
 
 }  // namespace
 
@@ -20,13 +20,12 @@ Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, co
                     const MultistartOptions& options) {
   std::mt19937_64 random(options.seed);
   std::normal_distribution<double> normal;
-  SolverOptions solver{.iterations = 20, .refreshes = 3, .enough = 5, .roughly = true, .tick = {}};
+  SolverOptions solver{.iterations = 20, .enough = 5, .tick = {}};
   solver.tick = [&] { options.tick("recalibrating the model", 0.03); };
   Fit best = minimize(coarse, base, prior_mean(base), solver);
   const double first = best.squares;
   double least = std::numeric_limits<double>::infinity();
   solver.iterations = 8;
-  solver.refreshes = 2;
   std::vector<Eigen::VectorXd> starts(other_starts, prior_mean(base));
   for (auto& z : starts)
     for (double& v : z) v = normal(random);
@@ -43,7 +42,6 @@ Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, co
   }
   if (options.roughly_fitted) {
     options.roughly_fitted(best);
-    solver.roughly = false;
     best = minimize(coarse, base, best.z, solver);
   }
   apply_fidelity_correction(coarse, fine, best);

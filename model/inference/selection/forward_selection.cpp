@@ -85,17 +85,15 @@ void ForwardSelector::try_singles() {
     if (s.values.empty() || s.drop < options_.refit_share_of_detection * options_.detection ||
         s.drop < options_.refit_share_of_best * out_.screened.front().drop)
       break;
-    fits_.refit(
-        out_.trials, base_, {}, s,
-        fits_.solver(1, "refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i)));
+    fits_.refit(out_.trials, base_, {}, s,
+                fits_.solver("refitting " + std::string(s.effect->id), 0.3 + 0.02 * static_cast<double>(i)));
   }
-  fits_.finish(out_.trials, fits_.solver(1, "refitting the best", 0.5));
+  fits_.finish(out_.trials, fits_.solver("refitting the best", 0.5));
 }
 
 // Only fits that have come to their end can be compared, so those near the top are taken there.
 void ForwardSelector::compare_the_best() {
-  const double near =
-      std::max(3 * options_.second_detection, options_.comparable_share * out_.trials.front().drop);
+  const double near = nearness(options_, out_.trials.front().drop);
   const double top = delta_bic(out_.trials.front(), samples_);
   for (std::size_t i = 0; i < std::min(out_.trials.size(), options_.compared); ++i)
     if (i == 0 || delta_bic(out_.trials[i], samples_) > top - near)
@@ -111,8 +109,7 @@ void ForwardSelector::try_every_effect(const Trial* first) {
   const std::vector<const Effect*> before = first != nullptr ? first->effects : std::vector<const Effect*>{};
   const bool misled = fits_.is_misled(base_);
   const Fit& from = first != nullptr ? first->fit : misled ? fits_.as_given(base_) : base_;
-  const auto stage = fits_.solver(2,
-                                  first != nullptr ? "every effect beside the best"
+  const auto stage = fits_.solver(first != nullptr ? "every effect beside the best"
                                   : misled         ? "starting again from what was given"
                                                    : "every effect at plausible strengths",
                                   0.95);
@@ -153,13 +150,12 @@ void ForwardSelector::add_pairs(const Trial& first, const std::vector<Screened>&
     if (s.values.empty() || s.drop < options_.second_detection) break;
     if (!tried_.insert({first.effects[0]->id, s.effect->id}).second) continue;
     const double done = static_cast<double>(k) / static_cast<double>(most);
-    fits_.refit(
-        pairs_, first.fit, first.effects, s,
-        fits_.solver(
-            1, "two effects: " + std::string(first.effects[0]->id) + " and " + std::string(s.effect->id),
-            from + (to - from) * done));
+    fits_.refit(pairs_, first.fit, first.effects, s,
+                fits_.solver(
+                    "two effects: " + std::string(first.effects[0]->id) + " and " + std::string(s.effect->id),
+                    from + (to - from) * done));
   }
-  fits_.finish(pairs_, fits_.solver(1, "refitting the best of two", to));
+  fits_.finish(pairs_, fits_.solver("refitting the best of two", to));
 }
 
 // Whether one of the best pairs is enough.

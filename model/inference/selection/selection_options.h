@@ -45,6 +45,8 @@ struct SelectionOptions {
   std::size_t starts_per_effect = 2;  // starts of one effect that are gone on with after a first step
   std::size_t starts_in_all = 12;     // likewise, of all effects
   double abandoned = 2;           // A fit begun is abandoned if its sum of squares is so many times the best.
+  double trusted_decrease = 3;    // or if it stays behind the best even if it gains so many times what a
+                                  // Gauss-Newton step promises: promises are linear.
   double wild_step = 5;           // A linear guess that moves a parameter by more prior standard deviations
                                   // than this is not used.
   std::size_t base_restarts = 2;  // times that everything is asked again from a better base fit

@@ -19,6 +19,10 @@ double allowed_remainder(const SelectionOptions& options, double drop) {
   return std::max(options.second_detection, options.relative_remainder * drop);
 }
 
+double nearness(const SelectionOptions& options, double drop) {
+  return std::max(3 * options.second_detection, options.comparable_share * drop);
+}
+
 bool has_lack_of_fit(const ForwardSelection& found, const SelectionOptions& options) {
   return found.excess > options.lack_of_fit || found.left > options.detection;
 }

@@ -41,6 +41,9 @@ double delta_bic(const Trial& trial, double samples);
 // What may be left after an explanation that brought this drop: nothing detectable, or what is small against
 // it.
 double allowed_remainder(const SelectionOptions& options, double drop);
+// Explanations within this of the best one's sum of squares, which has brought this drop, are compared with
+// it.
+double nearness(const SelectionOptions& options, double drop);
 // Whether the base fit leaves something that is no noise, whatever it is (lack of fit).
 bool has_lack_of_fit(const ForwardSelection& found, const SelectionOptions& options);
 

@@ -44,14 +44,12 @@ void TrialFits::tick(const std::string& stage, double fraction) const {
   if (task_.tick) task_.tick(stage, fraction);
 }
 
-SolverOptions TrialFits::solver(int refreshes, const std::string& stage, double fraction) const {
-  return {.iterations = 10, .refreshes = refreshes, .enough = 1, .tick = [this, stage, fraction] {
-            tick(stage, fraction);
-          }};
+SolverOptions TrialFits::solver(const std::string& stage, double fraction) const {
+  return {.iterations = 10, .enough = 1, .tick = [this, stage, fraction] { tick(stage, fraction); }};
 }
 
 SolverOptions TrialFits::steps(int count, const std::function<void()>& in_between) {
-  return {.iterations = count, .refreshes = 0, .enough = 1, .tick = in_between};
+  return {.iterations = count, .enough = 1, .tick = in_between};
 }
 
 void TrialFits::sort_best_first(std::vector<Trial>& trials) const {
@@ -135,7 +133,6 @@ void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vect
     const auto begun = best_of(std::move(starts));
     auto to_the_end = solver;  // tables are simulated in milliseconds
     to_the_end.iterations = 40;
-    to_the_end.refreshes = 6;
     return add(minimize(coarse_, begun.hypothesis, begun.z, to_the_end, &begun), false);
   }
   add(add_effect(from, s, steps(3, solver.tick)), true);
@@ -146,10 +143,16 @@ void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vect
 
 void TrialFits::finish(std::vector<Trial>& trials, const SolverOptions& solver) const {
   sort_best_first(trials);
-  const double rival = trials.empty() ? 0 : trials.front().fit.squares;
+  double rival = trials.empty() ? 0 : trials.front().fit.squares;
   for (auto& t : trials) {
     if (!std::exchange(t.begun, false) || t.fit.squares > options_.abandoned * rival) continue;
+    if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);
+    // Those that would stay far behind the best are as good as finished.
+    if (t.fit.squares - options_.trusted_decrease * t.fit.predicted_decrease() >
+        rival + nearness(options_, base_.squares - rival))
+      continue;
     set_fit(t, minimize(coarse_, t.fit.hypothesis, t.fit.z, solver, &t.fit));
+    rival = std::min(rival, t.fit.squares);
   }
   sort_best_first(trials);
   keep_of_each(trials, 1);
@@ -172,7 +175,7 @@ Fit TrialFits::reduced(const Trial& t, std::optional<std::size_t> kept, const So
 Trial TrialFits::alone(const Trial& pair, std::size_t which) const {
   Trial out;
   out.effects = {pair.effects[which]};
-  set_fit(out, reduced(pair, which, solver(1, "one effect: " + std::string(out.effects[0]->id), 0.88)));
+  set_fit(out, reduced(pair, which, solver("one effect: " + std::string(out.effects[0]->id), 0.88)));
   return out;
 }
 
@@ -197,7 +200,7 @@ void TrialFits::polish(Trial& t, const std::function<void()>& in_between) const 
 
 std::optional<Fit> TrialFits::better_base(const Trial& best) const {
   if (best.fit.jacobian.size() == 0) return std::nullopt;
-  const auto options = solver(0, "no effect", 0.5);
+  const auto options = solver("no effect", 0.5);
   auto none = reduced(best, std::nullopt, options);
   const auto is_better = [&] {
     return none.squares < base_.squares - options_.better_base * options_.detection;

@@ -33,7 +33,7 @@ class TrialFits {
 
   double samples() const { return samples_; }
   void tick(const std::string& stage, double fraction) const;
-  SolverOptions solver(int refreshes, const std::string& stage, double fraction) const;
+  SolverOptions solver(const std::string& stage, double fraction) const;
   double allowed(const Trial& t) const { return allowed_remainder(options_, t.drop); }
   void sort_best_first(std::vector<Trial>& trials) const;
   bool is_misled(const Fit& fit) const { return fit.squares > options_.misled_base * samples_; }

@@ -7,13 +7,16 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// Slopes are taken over differences that change the residual by so much, far above the noise of a solver that
+// Where slopes are differences, these change the residual by so much, far above the noise of a solver that
 // chooses its steps, and far below where a switching or a ringing specimen is no longer linear.
 constexpr double response = 100, least_difference = 0.002;
-// The curvature along a step is measured so far to both sides of the fit, in prior standard deviations.
-constexpr double look_ahead = 0.3;
-// A solution goes on while so many times what is enough is predicted to be gained.
-constexpr double hope = 10;
+// The curvature along a step is measured so far ahead, in prior standard deviations: so near that the third
+// derivative does not count, so far that the noise of the simulation's own steps does not.
+constexpr double look_ahead = 0.5;
+// A solution that has gained next to nothing in so many steps with exact slopes has ended, whatever is
+// predicted: along a bent valley a linear prediction promises what is not there.
+constexpr int idle_steps = 2;
+constexpr double most_damping = 1e5;
 
 Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
   for (Eigen::Index i = 0; i < z.size(); ++i) {
@@ -23,7 +26,8 @@ Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
   return z;
 }
 
-void make_columns(const WhitenedResiduals& residuals, Fit& fit, Eigen::Index from, bool roughly) {
+// By central differences, for residuals that do not know their own slopes.
+Eigen::MatrixXd differences(const WhitenedResiduals& residuals, const Fit& fit, Eigen::Index from) {
   const auto n = fit.z.size();
   std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
   std::vector<double> steps;
@@ -35,48 +39,46 @@ void make_columns(const WhitenedResiduals& residuals, Fit& fit, Eigen::Index fro
                               difference);
     auto one = fit.z, other = fit.z;
     one[i] = std::min(c.high, one[i] + difference);
-    if (!roughly || one[i] == fit.z[i]) other[i] = std::max(c.low, other[i] - difference);
+    other[i] = std::max(c.low, other[i] - difference);
     steps.push_back(one[i] - other[i]);
     places.emplace_back(&fit.hypothesis, std::move(one));
     places.emplace_back(&fit.hypothesis, std::move(other));
   }
   const auto moved = residuals.evaluate(places);
-  fit.jacobian.conservativeResize(residuals.size(), n);
+  Eigen::MatrixXd out(residuals.size(), n - from);
   for (std::size_t i = 0; i < steps.size(); ++i)
-    fit.jacobian.col(from + static_cast<Eigen::Index>(i)) = (moved[2 * i] - moved[2 * i + 1]) / steps[i];
+    out.col(static_cast<Eigen::Index>(i)) = (moved[2 * i] - moved[2 * i + 1]) / steps[i];
+  return out;
 }
 
-// How the residual changes along a step: r(t) = r + t slope + t^2 curve / 2.
-struct Along {
-  Eigen::VectorXd slope, curve;
-};
+void make_columns(const WhitenedResiduals& residuals, Fit& fit, Eigen::Index from) {
+  const auto slopes = residuals.slopes(fit.hypothesis, fit.z, from);
+  const Eigen::MatrixXd made = slopes ? *slopes : differences(residuals, fit, from);
+  fit.jacobian.conservativeResize(residuals.size(), fit.z.size());
+  fit.jacobian.rightCols(made.cols()) = made;
+}
 
-// Measured on both sides; the Jacobian learns the slope.
-Along look_along(const WhitenedResiduals& residuals, Fit& fit, const Eigen::VectorXd& step) {
+// The second derivative of the residual along a step, from one simulation ahead.
+Eigen::VectorXd curvature(const WhitenedResiduals& residuals, const Fit& fit, const Eigen::VectorXd& step,
+                          const Eigen::VectorXd& slope) {
   const double far = std::min(1.0, look_ahead / step.cwiseAbs().maxCoeff());
-  const auto up = within(fit.hypothesis, fit.z + far * step),
-             down = within(fit.hypothesis, fit.z - far * step);
-  const Eigen::VectorXd between = up - down;
-  const double length = between.squaredNorm();
-  Along out{.slope = fit.jacobian * step, .curve = Eigen::VectorXd::Zero(residuals.size())};
-  const auto there = residuals.evaluate({{&fit.hypothesis, up}, {&fit.hypothesis, down}});
-  const Eigen::VectorXd change = there[0] - there[1];
-  if (WhitenedResiduals::is_unsolved(change) || length < 1e-12) return out;
-  fit.jacobian += (change - fit.jacobian * between) * (between / length).transpose();
-  if ((between - 2 * far * step).squaredNorm() > 1e-6 * length) return out;  // at the end of a range
-  out.slope = change / (2 * far);
-  out.curve = (fit.corrected(there[0]) + fit.corrected(there[1]) - 2 * fit.residual) / (far * far);
+  const Eigen::VectorXd there = within(fit.hypothesis, fit.z + far * step);
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(residuals.size());
+  if ((there - fit.z - far * step).squaredNorm() > 1e-12 * step.squaredNorm()) return out;  // a range ends
+  const auto simulated = residuals.evaluate(fit.hypothesis, there);
+  if (WhitenedResiduals::is_unsolved(simulated)) return out;
+  out = 2 * (fit.corrected(simulated) - fit.residual - far * slope) / (far * far);
   return out;
 }
 
 struct Step {
-  Eigen::VectorXd change;          // of z
-  double promised = 0, hoped = 0;  // gain of the sum of squares; without bends
-  double share = 0;                // of Levenberg's step
+  Eigen::VectorXd change;  // of z
+  double promised = 0;     // gain of the sum of squares
+  double share = 0;        // of Levenberg's step
 };
 
 // Levenberg's step, bent as the valley is and as long as promises most.
-Step next_step(const WhitenedResiduals& residuals, Fit& fit, double damping) {
+Step next_step(const WhitenedResiduals& residuals, const Fit& fit, double damping) {
   const Eigen::MatrixXd normal = fit.normal();
   const Eigen::VectorXd gradient = fit.gradient();
   Eigen::MatrixXd damped = normal;
@@ -85,28 +87,26 @@ Step next_step(const WhitenedResiduals& residuals, Fit& fit, double damping) {
   Eigen::VectorXd step = -factor.solve(gradient);
   // No further at once than the model may be trusted to be nearly linear.
   if (const double longest = step.cwiseAbs().maxCoeff(); longest > 4) step *= 4 / longest;
-  const auto along = look_along(residuals, fit, step);
+  const Eigen::VectorXd slope = fit.jacobian * step, curve = curvature(residuals, fit, step, slope);
   // Where it would bend far, in directions that the data leave open, it is made to bend less.
-  const Eigen::VectorXd pull = fit.jacobian.transpose() * along.curve;
+  const Eigen::VectorXd pull = fit.jacobian.transpose() * curve;
   Eigen::VectorXd aside = -0.5 * factor.solve(pull);
   double stiff = 1;
   while (aside.cwiseAbs().maxCoeff() > 0.5 * step.cwiseAbs().maxCoeff()) {
     aside = -0.5 * (damped + stiff * Eigen::MatrixXd::Identity(step.size(), step.size())).ldlt().solve(pull);
     stiff *= 10;
   }
-  const Eigen::VectorXd bend = 0.5 * along.curve + fit.jacobian * aside;
-  const double first = 2 * fit.residual.dot(along.slope),
-               second = along.slope.squaredNorm() + 2 * fit.residual.dot(bend),
-               third = 2 * along.slope.dot(bend), fourth = bend.squaredNorm();
+  const Eigen::VectorXd bend = 0.5 * curve + fit.jacobian * aside;
+  const double first = 2 * fit.residual.dot(slope), second = slope.squaredNorm() + 2 * fit.residual.dot(bend),
+               third = 2 * slope.dot(bend), fourth = bend.squaredNorm();
   const double before = prior_squares(fit.hypothesis, fit.z);
-  Step out{.change = Eigen::VectorXd::Zero(step.size()),
-           .hoped = -(2 * gradient.dot(step) + step.dot(normal * step))};
+  Step out{.change = Eigen::VectorXd::Zero(step.size())};
   for (int k = 0; k < 31; ++k) {
     const double t = 1.5 * std::pow(0.85, k);  // to 0.01
     const Eigen::VectorXd change = t * step + t * t * aside;
     const double gain = before - prior_squares(fit.hypothesis, fit.z + change) -
                         t * (first + t * (second + t * (third + t * fourth)));
-    if (gain > out.promised) out = {change, gain, out.hoped, t};
+    if (gain > out.promised) out = {change, gain, t};
   }
   return out;
 }
@@ -146,8 +146,8 @@ Eigen::VectorXd Fit::corrected(Eigen::VectorXd simulated) const {
   return simulated;
 }
 
-void refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit, bool roughly) {
-  make_columns(residuals, fit, 0, roughly);
+void refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit) {
+  make_columns(residuals, fit, 0);
   fit.fresh = true;
 }
 
@@ -160,30 +160,28 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
           .jacobian = {}};
   out.residual = out.corrected(residuals.evaluate(hypothesis, out.z));
   out.squares = out.residual.squaredNorm() + prior_squares(hypothesis, out.z);
-  int refreshes = 0;
-  if (warm_start != nullptr) {
+  if (warm_start != nullptr && warm_start->jacobian.cols() < out.z.size()) {
     out.jacobian = warm_start->jacobian;
-    make_columns(residuals, out, warm_start->jacobian.cols(), options.roughly);
+    make_columns(residuals, out, warm_start->jacobian.cols());
+  } else if (warm_start != nullptr && warm_start->fresh && warm_start->z == out.z) {
+    out.jacobian = warm_start->jacobian;
+    out.fresh = true;
   } else {
-    refresh_jacobian(residuals, out, options.roughly);
-    ++refreshes;
+    refresh_jacobian(residuals, out);
   }
   double damping = options.damping, gained = 0;
-  for (int i = 0; i < options.iterations; ++i) {
+  int idle = 0;
+  for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
+    const double enough = std::max(options.enough, 1e-4 * gained);
+    if (out.fresh && (idle == idle_steps || out.predicted_decrease() < enough)) break;
     if (options.tick) options.tick();
     const auto next = next_step(residuals, out, damping);
-    const bool was_fresh = std::exchange(out.fresh, false);
     double gain = 0;
     if (next.promised > 0) {
       auto to = within(hypothesis, out.z + next.change);
-      const Eigen::VectorXd step = to - out.z;
       auto residual = out.corrected(residuals.evaluate(hypothesis, to));
-      const double squares = residual.squaredNorm() + prior_squares(hypothesis, to),
-                   length = step.squaredNorm();
+      const double squares = residual.squaredNorm() + prior_squares(hypothesis, to);
       gain = out.squares - squares;
-      // What the Jacobian did not foresee, it learns.
-      if (length > 1e-12 && (gain > 0 || next.promised < 1e3 * std::abs(gain)))
-        out.jacobian += (residual - out.residual - out.jacobian * step) * (step / length).transpose();
       if (gain > 0) {
         out.z = std::move(to);
         out.residual = std::move(residual);
@@ -191,16 +189,15 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
         gained += gain;
       }
     }
-    damping *= gain <= 0 ? 8 : gain < 0.5 * next.promised || next.share < 0.5 ? 2 : 0.2;
-    const double enough = std::max(options.enough, 1e-4 * gained);
-    if (gain > std::max(enough, 0.25 * next.promised)) continue;
-    if (std::max(next.promised, next.hoped) <= hope * enough) break;
-    if (refreshes < options.refreshes && !was_fresh) {
-      refresh_jacobian(residuals, out, options.roughly);
-      ++refreshes;
-      damping = std::min(damping, 1e-2);
-    } else if (damping > 1e5) {
-      break;
+    idle = gain < enough ? idle + 1 : 0;
+    damping *= gain <= 0                                         ? 8
+               : gain < 0.5 * next.promised || next.share < 0.5  ? 2
+               : gain > 0.9 * next.promised && next.share > 0.75 ? 0.02
+                                                                 : 0.2;
+    if (i + 1 == options.iterations) {
+      out.fresh = out.fresh && gain <= 0;
+    } else if (gain > 0 || !out.fresh) {
+      refresh_jacobian(residuals, out);
     }
   }
   return out;

@@ -4,10 +4,9 @@
 //   min over z of |r(z)|^2 + sum over parameters with a prior of z_i^2         ( = -2 ln posterior +
 //   constant)
 //
-// by Levenberg-Marquardt (Nocedal and Wright, Numerical Optimization, ch. 10). A Jacobian costs two
-// simulations a parameter, so it is made once and kept up by Broyden's rank-one updates until it no longer
-// helps. Steps bend as the valley does (geodesic acceleration: Transtrum and Sethna, arXiv:1201.5885): with J
-// the slopes and K the second derivative along a step s, both measured on either side of the fit,
+// by Levenberg-Marquardt (Nocedal and Wright, Numerical Optimization, ch. 10) with the residuals' exact
+// slopes where they know them. Steps bend as the valley does (geodesic acceleration: Transtrum and Sethna,
+// arXiv:1201.5885): with J the slopes and K the second derivative along a step s, from one simulation ahead,
 //
 //   z(t) = z + t s - t^2 (J^T J + damping)^-1 J^T K / 2,   with the t where |r + t J s + t^2 ...|^2 is least
 #pragma once
@@ -41,20 +40,19 @@ double prior_squares(const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 
 struct SolverOptions {
   int iterations = 12;
-  int refreshes = 2;  // of the Jacobian, at most
-  // A step that gains less than this of the sum of squares, or less than 1e-4 of what was gained before, ends
-  // the solution if no more than ten times that is predicted.
+  // The solution has ended once less than this of the sum of squares, or less than 1e-4 of what was gained
+  // before, is predicted to be gained.
   double enough = 0.5;
-  bool roughly = false;   // one-sided differences at half the cost, for where minima are only looked for
   double damping = 1e-3;  // of the first step, relative to the diagonal; falls where steps keep their promise
-  std::function<void()> tick;  // called after each round of simulations; may throw
+  std::function<void()> tick;  // called before each step; may throw
 };
 
-// The minimum from z on. `warm_start`, if not null, is a fit whose fidelity correction is used and whose
-// Jacobian is known to hold for the first columns.
+// The minimum from z on. `warm_start`, if not null, is a fit whose fidelity correction is used, and whose
+// Jacobian stands for the first columns of the first step if it has fewer, or is the fit's own if it is
+// fresh.
 Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
              const SolverOptions& options, const Fit* warm_start = nullptr);
-// Makes the Jacobian anew at the fit's z; `roughly` as in SolverOptions.
-void refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit, bool roughly = false);
+// Makes the Jacobian anew at the fit's z.
+void refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit);
 
 }  // namespace ferrobench::model::inference

@@ -1,6 +1,7 @@
 #include "model/inference/solver/multifidelity.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace ferrobench::model::inference {
@@ -11,8 +12,7 @@ constexpr double unnoticed = 12;
 // The coarse simulation may differ from the fine one by this share of the noise, since the correction takes
 // most of the difference out.
 constexpr double coarse_error = 0.8;
-// The last steps of a refinement are taken by a simulation with this part of the fine one's nodes.
-constexpr int coarsening = 8;
+// Corrections are made anew so many times at most.
 constexpr int most_rounds = 4;
 // Damping that lets directions that only priors hold go all the way.
 constexpr double hardly_damped = 1e-7;
@@ -28,9 +28,15 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
   const auto [exact, error] = converge_fine_fidelity(fine, base, z, most_domains);
   // Of the nodes that are to serve every spread, the base has a third.
   const bool every_spread = fine.simulation().every_spread;
-  for (const int count : {250, 500, 1000, 2000, 4000}) {
+  struct Choice {
+    int count = 0;
+    double tolerance = 0;
+  };
+  constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4}, Choice{1000, 1e-5},
+                               Choice{2000, 1e-4}, Choice{2000, 1e-5}, Choice{4000, 1e-5}};
+  for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
-        {.tolerance = 1e-5, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
+        {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
     if ((coarse.evaluate(base, z) - exact).norm() <
         coarse_error * std::sqrt(static_cast<double>(exact.size())))
       break;
@@ -66,31 +72,17 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedRe
   apply_fidelity_correction(coarse, fine.evaluate(fit.hypothesis, fit.z), fit);
 }
 
-void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
+void refine(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& f,
             const std::function<void()>& tick) {
-  f = minimize(coarse, f.hypothesis, f.z,
-               {.iterations = 12, .refreshes = 2, .enough = 1, .damping = hardly_damped, .tick = tick}, &f);
-  apply_fidelity_correction(coarse, fine, f);
-  refresh_jacobian(coarse, f);
-  if (f.squares > too_far_for_last_steps * static_cast<double>(coarse.size())) return;
-  // The last steps by a simulation in between, with the coarse one's slopes and what they learn on the way.
-  const auto finest = fine.simulation();
-  auto between = finest;
-  between.domains = std::max(coarse.simulation().domains, finest.domains / coarsening);
   for (int round = 0; round < most_rounds; ++round) {
-    auto next = f;
-    fine.simulate_by(between);
-    apply_fidelity_correction(fine, f.residual, next);
-    next = minimize(fine, next.hypothesis, next.z,
-                    {.iterations = 6, .refreshes = 0, .enough = 0.5, .damping = hardly_damped, .tick = tick},
-                    &next);
-    fine.simulate_by(finest);
+    auto next = minimize(coarse, f.hypothesis, f.z,
+                         {.iterations = 12, .enough = 0.5, .damping = hardly_damped, .tick = tick}, &f);
     apply_fidelity_correction(coarse, fine, next);
     const double gain = f.squares - next.squares;
     if (gain > 0) f = std::move(next);
-    if (gain < 5) break;
-    refresh_jacobian(coarse, f);
+    if (gain < 5 || f.squares > too_far_for_last_steps * static_cast<double>(coarse.size())) break;
   }
+  refresh_jacobian(coarse, f);
 }
 
 }  // namespace ferrobench::model::inference

@@ -30,7 +30,7 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedRe
 
 // Takes a corrected fit on to the minimum of the fine simulation. Its residual is that of the fine simulation
 // then, and its Jacobian was made close by.
-void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit,
+void refine(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
             const std::function<void()>& tick);
 
 }  // namespace ferrobench::model::inference
