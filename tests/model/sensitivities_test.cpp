@@ -198,5 +198,58 @@ TEST(Slopes, ByWhatIsNoNumberOfTheModelAreRefused) {
   EXPECT_THROW(simulate_with_slopes(crystal(), path, knot_time, knot_field, times(), {}, {}), Error);
 }
 
+// The drive's own directions: a level and an inner knot's time, one of them behind an amplifier that lags.
+TEST(Slopes, ByTheDriveAreThoseOfItsKnots) {
+  auto model = specimen(Specimen::sprung_polycrystal);
+  for (const bool lags : {false, true}) {
+    if (lags) model.effects.push_back({"amplifier_lag", {{"time_constant", 2e-3}}});
+    const auto t = times();
+    const SimulationOptions options{.tolerance = 1e-7, .domains = 500};
+    const auto simulated = [&](double level, double moved) {
+      auto time = knot_time;
+      auto field = knot_field;
+      field[1] += level;
+      time[2] += moved;
+      std::vector<double> out(t.size());
+      ChannelSpans spans;
+      spans.displacement = out;
+      simulate_at(model, time, field, t, spans, options);
+      return out;
+    };
+    constexpr double level = 2e3, moved = 1e-4;
+    std::vector<double> by_time(2 * knot_time.size(), 0.0), by_field(2 * knot_time.size(), 0.0);
+    by_field[2 * 1 + 0] = 1;
+    by_time[2 * 2 + 1] = 1;
+    const std::vector<std::string> parameter{"material.barrier"};
+    std::vector<double> values(t.size()), slopes(3 * t.size());
+    ChannelSpans spans;
+    spans.displacement = values;
+    SlopeSpans slope_spans;
+    slope_spans.displacement = slopes;
+    simulate_with_slopes(model, parameter, knot_time, knot_field, t, spans, slope_spans, options,
+                         {.count = 2, .time = by_time, .field = by_field});
+    for (const std::size_t k : {1, 2}) {
+      const auto up = k == 1 ? simulated(level, 0) : simulated(0, moved),
+                 down = k == 1 ? simulated(-level, 0) : simulated(0, -moved);
+      double off = 0, all = 0;
+      for (std::size_t i = 0; i < t.size(); ++i) {
+        const double difference = (up[i] - down[i]) / (2 * (k == 1 ? level : moved));
+        off += std::pow(slopes[3 * i + k] - difference, 2);
+        all += difference * difference;
+      }
+      ASSERT_GT(all, 0);
+      EXPECT_LT(std::sqrt(off / all), 0.01) << k << (lags ? " behind a lag" : "");
+    }
+  }
+}
+
+TEST(Slopes, ByTheDriveMustBeOfAllItsKnots) {
+  const auto model = specimen(Specimen::polycrystal);
+  const std::vector<double> short_field(knot_time.size() - 1, 1.0);
+  EXPECT_THROW(simulate_with_slopes(model, {}, knot_time, knot_field, times(), {}, {}, {},
+                                    {.count = 1, .time = {}, .field = short_field}),
+               Error);
+}
+
 }  // namespace
 }  // namespace ferrobench::model

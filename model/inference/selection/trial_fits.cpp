@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -45,7 +46,10 @@ void TrialFits::tick(const std::string& stage, double fraction) const {
 }
 
 SolverOptions TrialFits::solver(const std::string& stage, double fraction) const {
-  return {.iterations = 10, .enough = 1, .tick = [this, stage, fraction] { tick(stage, fraction); }};
+  return {.iterations = 10,
+          .enough = 1,
+          .trusted_decrease = options_.trusted_decrease,
+          .tick = [this, stage, fraction] { tick(stage, fraction); }};
 }
 
 SolverOptions TrialFits::steps(int count, const std::function<void()>& in_between) {
@@ -54,6 +58,10 @@ SolverOptions TrialFits::steps(int count, const std::function<void()>& in_betwee
 
 void TrialFits::sort_best_first(std::vector<Trial>& trials) const {
   std::ranges::stable_sort(trials, std::greater<>(), [&](const Trial& t) { return delta_bic(t, samples_); });
+}
+
+double TrialFits::comparable(double rival) const {
+  return rival + nearness(options_, base_.squares - rival);
 }
 
 void TrialFits::set_fit(Trial& t, Fit fit) const {
@@ -125,7 +133,11 @@ void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vect
         .front()
         .fit;
   };
-  if (!is_misled(from)) return add(add_effect(from, s, solver), false);
+  double rival = std::numeric_limits<double>::infinity();
+  for (const auto& t : into) rival = std::min(rival, t.fit.squares);
+  auto near = solver;
+  near.wanted = comparable(rival);
+  if (!is_misled(from)) return add(add_effect(from, s, near), false);
   if (options_.single_effect) {
     auto starts = starts_around(coarse_, *s.effect, s.values);
     std::ranges::move(plausible_starts(coarse_, *s.effect), std::back_inserter(starts));
@@ -135,7 +147,13 @@ void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vect
     to_the_end.iterations = 40;
     return add(minimize(coarse_, begun.hypothesis, begun.z, to_the_end, &begun), false);
   }
-  add(add_effect(from, s, steps(3, solver.tick)), true);
+  near.iterations = 3;
+  add(add_effect(from, s, near), true);
+  // Where an effect leaves next to nothing, those that stay far behind it need no other starts.
+  if (auto& t = into.back(); rival < options_.misled_base * samples_) {
+    if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);
+    if (t.fit.squares - options_.trusted_decrease * t.fit.predicted_decrease() > near.wanted) return;
+  }
   // A second effect was screened beside the first, so its strength is about right.
   add(best_of(before.empty() ? starts_around(coarse_, *s.effect, s.values) : Starts{s.values}), true);
   if (before.empty()) tried_as_given.insert(s.effect);
@@ -146,12 +164,9 @@ void TrialFits::finish(std::vector<Trial>& trials, const SolverOptions& solver) 
   double rival = trials.empty() ? 0 : trials.front().fit.squares;
   for (auto& t : trials) {
     if (!std::exchange(t.begun, false) || t.fit.squares > options_.abandoned * rival) continue;
-    if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);
-    // Those that would stay far behind the best are as good as finished.
-    if (t.fit.squares - options_.trusted_decrease * t.fit.predicted_decrease() >
-        rival + nearness(options_, base_.squares - rival))
-      continue;
-    set_fit(t, minimize(coarse_, t.fit.hypothesis, t.fit.z, solver, &t.fit));
+    auto near = solver;
+    near.wanted = comparable(rival);
+    set_fit(t, minimize(coarse_, t.fit.hypothesis, t.fit.z, near, &t.fit));
     rival = std::min(rival, t.fit.squares);
   }
   sort_best_first(trials);
@@ -200,7 +215,8 @@ void TrialFits::polish(Trial& t, const std::function<void()>& in_between) const 
 
 std::optional<Fit> TrialFits::better_base(const Trial& best) const {
   if (best.fit.jacobian.size() == 0) return std::nullopt;
-  const auto options = solver("no effect", 0.5);
+  auto options = solver("no effect", 0.5);
+  options.wanted = base_.squares - options_.better_base * options_.detection;
   auto none = reduced(best, std::nullopt, options);
   const auto is_better = [&] {
     return none.squares < base_.squares - options_.better_base * options_.detection;

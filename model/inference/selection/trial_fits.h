@@ -38,6 +38,8 @@ class TrialFits {
   void sort_best_first(std::vector<Trial>& trials) const;
   bool is_misled(const Fit& fit) const { return fit.squares > options_.misled_base * samples_; }
   void set_fit(Trial& t, Fit fit) const;
+  // Sums of squares above this are far behind the best.
+  double comparable(double rival) const;
 
   // `from` with the base parameters as given and effects as they stand. Without an effect that is there the
   // parameters may have gone far astray, and then what was given is the better start.

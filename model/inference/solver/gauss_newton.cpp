@@ -13,9 +13,9 @@ constexpr double response = 100, least_difference = 0.002;
 // The curvature along a step is measured so far ahead, in prior standard deviations: so near that the third
 // derivative does not count, so far that the noise of the simulation's own steps does not.
 constexpr double look_ahead = 0.5;
-// A solution that has gained next to nothing in so many steps with exact slopes has ended, whatever is
+// A solution that has gained next to nothing in so many steps has ended, whatever is
 // predicted: along a bent valley a linear prediction promises what is not there.
-constexpr int idle_steps = 2;
+constexpr int idle_steps = 1;
 constexpr double most_damping = 1e5;
 
 Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
@@ -173,7 +173,11 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
   int idle = 0;
   for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
     const double enough = std::max(options.enough, 1e-4 * gained);
-    if (out.fresh && (idle == idle_steps || out.predicted_decrease() < enough)) break;
+    if (out.fresh) {
+      const double predicted = out.predicted_decrease();
+      if (idle == idle_steps || predicted < enough) break;
+      if (out.squares - options.trusted_decrease * predicted > options.wanted) break;
+    }
     if (options.tick) options.tick();
     const auto next = next_step(residuals, out, damping);
     double gain = 0;

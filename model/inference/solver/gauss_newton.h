@@ -13,6 +13,7 @@
 
 #include <Eigen/Dense>
 #include <functional>
+#include <limits>
 
 #include "model/inference/residuals/whitened_residuals.h"
 
@@ -43,6 +44,10 @@ struct SolverOptions {
   // The solution has ended once less than this of the sum of squares, or less than 1e-4 of what was gained
   // before, is predicted to be gained.
   double enough = 0.5;
+  // The solution is given up where it would not come below this if it gained `trusted_decrease` times what a
+  // Gauss-Newton step promises.
+  double wanted = std::numeric_limits<double>::infinity();
+  double trusted_decrease = 3;
   double damping = 1e-3;  // of the first step, relative to the diagonal; falls where steps keep their promise
   std::function<void()> tick;  // called before each step; may throw
 };

@@ -76,7 +76,7 @@ void refine(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit&
             const std::function<void()>& tick) {
   for (int round = 0; round < most_rounds; ++round) {
     auto next = minimize(coarse, f.hypothesis, f.z,
-                         {.iterations = 12, .enough = 0.5, .damping = hardly_damped, .tick = tick}, &f);
+                         {.iterations = 12, .enough = 1, .damping = hardly_damped, .tick = tick}, &f);
     apply_fidelity_correction(coarse, fine, next);
     const double gain = f.squares - next.squares;
     if (gain > 0) f = std::move(next);

@@ -1,0 +1,102 @@
+// Whitened residuals of recordings: their exact slopes against differences of the residuals themselves.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "model/inference/residuals/whitened_recordings.h"
+#include "model/simulator.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+using recordings::Channel;
+
+Model sprung() {
+  auto m = library_model("soft-pzt");
+  m.effects.clear();
+  m.load.prestress = 8e6;
+  return m;
+}
+
+// A loop with a hold, with noise; without a command the drive is read from the measured field.
+recordings::Recording record(const Model& m, bool with_command) {
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> normal;
+  recordings::Recording r;
+  std::vector<double> command;
+  for (int i = 0; i <= 800; ++i) {
+    const double t = 0.01 * i;
+    r.time.push_back(t);
+    command.push_back(t < 2   ? -0.9e6 * t
+                      : t < 5 ? -1.8e6 + 1.2e6 * (t - 2)
+                      : t < 6 ? 1.8e6
+                              : 1.8e6 - 9e5 * (t - 6));
+  }
+  const auto t = simulate(m, r.time, command, {.tolerance = 1e-5, .domains = 1000, .shift = 3});
+  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                       m.actuator.layer_count};
+  r.header.load = {m.load.spring_stiffness, m.load.prestress};
+  if (with_command) r.set(Channel::command) = command;
+  const auto put = [&](Channel channel, std::vector<double> values, double noise) {
+    for (double& v : values) v += noise * normal(random);
+    r.set(channel) = std::move(values);
+  };
+  put(Channel::field, t.field, 5e3);
+  put(Channel::charge, t.charge, 3e-6);
+  put(Channel::displacement, t.displacement, 5e-8);
+  put(Channel::force, t.force, 0.15);
+  return r;
+}
+
+struct Residuals {
+  explicit Residuals(bool with_command)
+      : bench(prepare_bench(sprung(), {{"loop", record(sprung(), with_command)}}, 2000, warnings)),
+        noise(estimate_noise(bench, warnings)),
+        of(bench, noise, {0}, {.tolerance = 1e-6, .domains = 1000}, 2) {}
+  std::vector<std::string> warnings;
+  std::vector<BenchRecording> bench;
+  std::vector<std::vector<NoiseModel>> noise;
+  WhitenedRecordings of;
+};
+
+// Of every parameter that a hypothesis may move: numbers of the model, an effect, spring, prestress, gains,
+// and the drive's own where it was measured. What differences of 1 % of a prior's width make of the
+// simulation's own steps is up to 2 % of a slope.
+class SlopesOfResiduals : public testing::TestWithParam<bool> {};
+
+TEST_P(SlopesOfResiduals, AreTheirDerivatives) {
+  Residuals residuals(GetParam());
+  const auto hypothesis =
+      with_effect(base_hypothesis(sprung(), residuals.bench), find_effect("source_resistance"), {4000});
+  auto z = prior_mean(hypothesis);
+  for (Eigen::Index i = 0; i < z.size(); ++i) z[i] = 0.2 * static_cast<double>((i * 7) % 5 - 2);
+  if (!GetParam()) residuals.of.marginalize_drive(hypothesis, z);
+  const auto slopes = residuals.of.slopes(hypothesis, z);
+  ASSERT_TRUE(slopes);
+  ASSERT_EQ(slopes->cols(), z.size());
+  for (Eigen::Index i = 0; i < z.size(); ++i) {
+    auto up = z, down = z;
+    up[i] += 0.01;
+    down[i] -= 0.01;
+    const Eigen::VectorXd difference =
+        (residuals.of.evaluate(hypothesis, up) - residuals.of.evaluate(hypothesis, down)) / 0.02;
+    EXPECT_LT((slopes->col(i) - difference).norm(), 0.02 * difference.norm() + 1)
+        << hypothesis.parameters[static_cast<std::size_t>(i)].path << ", norm " << difference.norm();
+  }
+  // Those from a parameter on are the same.
+  const auto last = residuals.of.slopes(hypothesis, z, z.size() - 2);
+  ASSERT_TRUE(last);
+  EXPECT_LT((*last - slopes->rightCols(2)).norm(), 1e-9 * slopes->rightCols(2).norm());
+}
+
+INSTANTIATE_TEST_SUITE_P(Drives, SlopesOfResiduals, testing::Bool());
+
+TEST(SlopesOfResiduals, AreNotHadWhereTheModelCannotBeSolved) {
+  Residuals residuals(true);
+  const auto hypothesis = base_hypothesis(sprung(), residuals.bench);
+  residuals.of.simulate_by({.tolerance = 1e-6, .domains = 1000, .most_steps = 3});
+  EXPECT_FALSE(residuals.of.slopes(hypothesis, prior_mean(hypothesis)));
+}
+
+}  // namespace
+}  // namespace ferrobench::model::inference
