@@ -63,10 +63,10 @@ ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model&
   }
 }
 
-void ForwardSensitivities::start(double field) {
+void ForwardSensitivities::start(double field, const Fractions& fractions, double time) {
   for (auto& part : parts_) {
     auto& around = part->around;
-    around.start(field);
+    around.start(field, fractions, time);
     part->at = part->at_before = {around.material.field, around.material.stress};
     part->polarization = part->polarization_before = around.remanent(0);
     part->trial = {};
@@ -89,6 +89,10 @@ void ForwardSensitivities::start(double field) {
   }
   for (auto& part : parts_) part->around.start_sensors();
   stepping_ = false;
+}
+
+void ForwardSensitivities::begin_recording() {
+  for (auto& part : parts_) part->around.begin_recording();
 }
 
 void ForwardSensitivities::play(const FieldPiece& command, std::size_t pieces) {

@@ -20,7 +20,8 @@ class ForwardSensitivities final : public StepObserver {
   // Rows that are asked for next follow those that are done.
   void begin(std::size_t done) { first_row_ = done; }
 
-  void start(double field) override;
+  void start(double field, const Fractions& fractions, double time) override;
+  void begin_recording() override;
   void play(const FieldPiece& command, std::size_t pieces) override;
   void solved(const SolvedStep& step) override;
   void sense_at(double time, std::size_t row) override;
