@@ -47,19 +47,20 @@ void visit(Simulator::State& state, const Past& past, double field) {
   const double back = time_back(past.levels, field);
   double time = back;
   for (const auto& level : past.levels) time += level.seconds;
-  state.start(0, fractions_of(past.from), -time);
+  state.start(0, fractions_of(past.from.value_or(FirstState::poled_plus)), -time);
   for (const auto& level : past.levels) state.play(level.seconds, level.field, {}, {});
   state.play(back, field, {}, {});
   state.begin_recording();
 }
 
 void cycle(Simulator::State& state, std::span<const double> time, std::span<const double> field) {
-  if (time.size() < 2) return state.start(field[0]);
+  const auto from = fractions_of(state.options.past->from.value_or(FirstState::poled_plus));
+  if (time.size() < 2) return state.start(field[0], from);
   double slew = 0;
   for (std::size_t k = 1; k < time.size(); ++k)
     slew = std::max(slew, std::abs(field[k] - field[k - 1]) / (time[k] - time[k - 1]));
   const double back = slew > 0 ? std::abs(field.front() - field.back()) / slew : 0;
-  state.start(field[0], {}, -most_cycles * (time.back() - time.front() + back));
+  state.start(field[0], from, -most_cycles * (time.back() - time.front() + back));
   const int most = state.followed != nullptr ? state.followed->cycles : most_cycles;
   while (state.cycles < most) {
     const auto before = state.means;

@@ -27,40 +27,55 @@ std::span<const std::pair<FirstState, std::string_view>> enum_names(FirstState) 
 }
 
 json to_json(const Past& past) {
-  if (past.kind == PastKind::visited) return write_json(past);
-  return {{"kind", write_json(past.kind)}};
+  auto out = write_json(past);
+  if (past.levels.empty()) out.erase("levels");
+  return out;
 }
 
-Past read_past(const json& given, const std::string& path, std::vector<Problem>& problems) {
-  Past out;
-  // So many levels are not even read: each of them might have a problem.
-  if (given.is_object() && given.contains("levels") && given.at("levels").is_array() &&
-      given.at("levels").size() > most_visited_levels) {
-    problems.push_back({.path = path + "/levels",
-                        .message = "has too many levels",
-                        .given = given.at("levels").size(),
-                        .allowed = {{"to", most_visited_levels}},
-                        .hint = "leave out what lies long before; later levels wipe it out"});
-    return out;
-  }
-  const auto before = problems.size();
-  read_json(given, out, path, problems);
-  if (problems.size() > before) return out;
-  if (out.kind == PastKind::visited && out.levels.empty())
+void check_past(const Past& past, const std::string& path, std::vector<Problem>& problems) {
+  const bool visited = past.kind == PastKind::visited;
+  if (visited && past.levels.empty())
     problems.push_back({.path = path + "/levels",
                         .message = "is missing: the kind visited needs at least one level",
                         .hint = R"(for example [{"field_V_per_m": -1.5e6, "seconds": 2}])"});
-  if (out.kind != PastKind::visited && (given.contains("levels") || given.contains("from")))
-    problems.push_back({.path = path + (given.contains("levels") ? "/levels" : "/from"),
-                        .message = "belongs to the kind visited alone",
-                        .given = write_json(out.kind),
-                        .allowed = "visited"});
+  if (past.levels.size() > most_visited_levels)
+    problems.push_back({.path = path + "/levels",
+                        .message = "has too many levels",
+                        .given = past.levels.size(),
+                        .allowed = {{"to", most_visited_levels}},
+                        .hint = "leave out what lies long before: later levels wipe it out"});
+  const auto refuse = [&](const char* key, json allowed) {
+    problems.push_back({.path = path + "/" + key,
+                        .message = "does not belong to this kind",
+                        .given = write_json(past.kind),
+                        .allowed = std::move(allowed)});
+  };
+  if (!visited && !past.levels.empty()) refuse("levels", {"visited"});
+  if (!visited && past.kind != PastKind::cycled && past.from) refuse("from", {"visited", "cycled"});
+}
+
+void demand_sound(const Past& past) {
+  std::vector<Problem> problems;
+  check_past(past, "/past", problems);
+  if (!problems.empty()) throw Error(ErrorCode::invalid_params, "the past is not valid", std::move(problems));
+}
+
+json past_schema() {
+  auto out = json_schema<Past>();
+  out["properties"]["levels"]["maxItems"] = most_visited_levels;
+  out["if"] = {{"properties", {{"kind", {{"const", "visited"}}}}}, {"required", {"kind"}}};
+  out["then"] = {{"required", {"levels"}}, {"properties", {{"levels", {{"minItems", 1}}}}}};
+  out["else"] = {{"properties", {{"levels", {{"maxItems", 0}}}}}};
+  // In no other kind than visited and cycled.
+  out["dependentSchemas"] = {{"from", {{"properties", {{"kind", {{"enum", {"visited", "cycled"}}}}}}}}};
   return out;
 }
 
 Past past_from_json(const json& given, ErrorCode code, const std::string& path) {
+  Past out;
   std::vector<Problem> problems;
-  auto out = read_past(given, path, problems);
+  read_json(given, out, path, problems);
+  if (problems.empty()) check_past(out, path, problems);
   if (!problems.empty()) throw Error(code, "the past is not valid", std::move(problems));
   return out;
 }
@@ -81,20 +96,20 @@ std::string in_words(const Past& past) {
     case PastKind::unpoled:
       return "unpoled";
     case PastKind::cycled:
-      return "cycled: the program itself until it repeats";
+      return "cycled through the program until it repeated itself";
     case PastKind::visited: {
       // The farthest level is what decides; the last ones often only lead back.
       double extreme = 0;
       for (const auto& level : past.levels)
         if (std::abs(level.field) >= std::abs(extreme)) extreme = level.field;
       std::array<char, 64> text{};
-      (void)std::snprintf(text.data(), text.size(), "visited %.4g kV/mm", extreme / 1e6);
+      (void)std::snprintf(text.data(), text.size(), "taken to %.4g kV/mm last", extreme / 1e6);
       return text.data();
     }
     case PastKind::unknown:
       break;
   }
-  return "unknown";
+  return "of unknown past";
 }
 
 }  // namespace ferrobench::protocols

@@ -7,12 +7,13 @@
 //                                 from that state at no field to one level after the other, in a straight
 //                                 line each; a hold is a level once more. Then to the first field, as fast as
 //                                 any of these went.
-//     {"kind": "cycled"}          the program itself, again and again, until it repeats itself
+//     {"kind": "cycled", "from": "unpoled"}   the program itself, from that state, until it repeats itself
 //     {"kind": "unknown"}
 //
 // The zero of the displacement is the specimen at rest, without field, in the state that it starts from.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -54,8 +55,8 @@ void describe(Visitor& visit, VisitedLevel& l) {
 
 struct Past {
   PastKind kind = PastKind::unknown;
-  FirstState from = FirstState::poled_plus;  // of the levels
-  std::vector<VisitedLevel> levels{};        // of PastKind::visited, at least one; else none
+  std::optional<FirstState> from{};    // of levels or cycles; none: poled towards +
+  std::vector<VisitedLevel> levels{};  // of PastKind::visited, at least one; else none
 
   bool known() const { return kind != PastKind::unknown; }
   bool operator==(const Past&) const = default;
@@ -70,13 +71,18 @@ void describe(Visitor& visit, Past& p) {
 
 // Only what the kind has.
 nlohmann::json to_json(const Past& past);
-// Adds every problem: an unknown kind, levels without the kind visited, none with it, or too many.
-Past read_past(const nlohmann::json& given, const std::string& path, std::vector<Problem>& problems);
+// What binds the fields together, for who has read them one by one: levels belong to the kind visited, which
+// has at least one and not too many. Adds problems.
+void check_past(const Past& past, const std::string& path, std::vector<Problem>& problems);
+// Throws Error(invalid_params) if the fields do not fit together.
+void demand_sound(const Past& past);
+// The fields' JSON Schema with the same rules.
+nlohmann::json past_schema();
 // Throws Error(code) with every problem, under `path`.
 Past past_from_json(const nlohmann::json& given, ErrorCode code, const std::string& path = "/past");
 // The name of a kind that needs no levels, or a past as JSON text. Throws Error(invalid_params).
 Past past_from_text(const std::string& text);
-// In a few words: "poled towards -", "visited -1.75e+06 V/m last".
+// What the specimen was, in a few words: "poled towards -", "taken to -1.75 kV/mm last".
 std::string in_words(const Past& past);
 
 }  // namespace ferrobench::protocols

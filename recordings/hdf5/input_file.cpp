@@ -62,8 +62,10 @@ protocols::Past read_past(const Input& in) {
   protocols::Past out;
   if (!in.has(group)) return out;
   out.kind = named<protocols::PastKind>(in, group + "/kind");
-  if (out.kind != protocols::PastKind::visited) return out;
-  if (in.has(group + "/from")) out.from = named<protocols::FirstState>(in, group + "/from");
+  const bool visited = out.kind == protocols::PastKind::visited;
+  if ((visited || out.kind == protocols::PastKind::cycled) && in.has(group + "/from"))
+    out.from = named<protocols::FirstState>(in, group + "/from");
+  if (!visited) return out;
   const auto column = [&](const char* name) {
     const auto place = group + "/" + name;
     if (!in.has(place))

@@ -88,13 +88,13 @@ void OutputFile::write_past(const protocols::Past& past) {
   const std::string group = "/entry/sample/past";
   out_.group(group, "NXcollection");
   out_.text(group + "/kind", write_json(past.kind).get<std::string>());
+  if (past.from) out_.text(group + "/from", write_json(*past.from).get<std::string>());
   if (past.kind != protocols::PastKind::visited) return;
   std::vector<double> fields, seconds;
   for (const auto& level : past.levels) {
     fields.push_back(level.field);
     seconds.push_back(level.seconds);
   }
-  out_.text(group + "/from", write_json(past.from).get<std::string>());
   out_.numbers(group + "/field", fields, "V/m");
   out_.numbers(group + "/seconds", seconds, "s");
 }

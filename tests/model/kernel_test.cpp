@@ -108,14 +108,14 @@ TEST_P(Kernel, EveryInstructionSetGivesTheSame) {
   const LoadPath bent{path.from, path.to, {1e3, 2e4}};
   force_kernel_target(targets.front());
   bench::KernelBench best(domains(), constants());
-  best.start(path.from, {});
+  best.start(path.from);
   const auto expected = best.step(0.02, bent);
   for (const auto& target : targets) {
     SCOPED_TRACE(target);
     force_kernel_target(target);
     ASSERT_EQ(kernel_targets().front(), target);
     bench::KernelBench other(domains(), constants());
-    other.start(path.from, {});
+    other.start(path.from);
     const auto result = other.step(0.02, bent);
     for (std::size_t j = 0; j < 8; ++j) {
       for (std::size_t i = 0; i < best.size(); ++i)
@@ -138,7 +138,7 @@ TEST_P(Kernel, RatesAreThoseOfThePlainFormulas) {
     for (const double field : {1.5e6, 3e5, 0.0, -4e5, -5.5e5, -1.5e6}) {
       const Loads at{field, -8e6};
       bench::KernelBench kernel(d, constants());
-      kernel.start(at, {});
+      kernel.start(at);
       for (std::size_t i = 0; i < d.size(); ++i) {
         const auto expected = plain_log_rates(constants(), d, i, at);
         for (std::size_t j = 0; j < 4; ++j) {
@@ -155,7 +155,7 @@ TEST_P(Kernel, FractionsFollowTheTwoStateSystem) {
   const auto d = domains();
   const auto k = constants();
   bench::KernelBench kernel(d, k);
-  kernel.start(path.from, {});
+  kernel.start(path.from);
   constexpr double h = 0.02;
   kernel.hold(h);
   for (std::size_t i = 0; i < d.size(); i += 7) {
