@@ -27,6 +27,9 @@ recordings::Header measured_header(const RunSetup& setup, const daq::Device& dev
   header.title = setup.plan.protocol.title();
   header.protocol = setup.plan.protocol.json();
   header.model = device.model();
+  // What the device knows of the specimen, else what the program's author says.
+  header.past = device.past();
+  if (!header.past.known()) header.past = setup.plan.protocol.past().value_or(protocols::Past{});
   if (header.model.is_null()) {
     header.specimen = device.specimen().value_or(recordings::Specimen{});
     header.load = device.load();
