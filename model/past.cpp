@@ -12,9 +12,10 @@ using protocols::PastKind;
 
 constexpr Fractions poled_minus{0, 1}, unpoled{1.0 / 3, 1.0 / 3};
 
-// Both mean fractions repeat within so many times the simulation's own tolerance: less would ask for what it
-// cannot see, and slow relaxation never repeats to the last digit.
-constexpr double repeats = 10;
+// Both mean fractions repeat within this share of the domains: less than a bench sees, and slow relaxation
+// never repeats to the last digit. It is the same however finely is simulated, so that a coarse run means the
+// same past.
+constexpr double repeats = 1e-3;
 
 Fractions fractions_of(FirstState state) {
   switch (state) {
@@ -69,7 +70,7 @@ void cycle(Simulator::State& state, std::span<const double> time, std::span<cons
     ++state.cycles;
     const double moved =
         std::max(std::abs(state.means.plus - before.plus), std::abs(state.means.minus - before.minus));
-    if (state.followed == nullptr && moved < repeats * state.options.tolerance) break;
+    if (state.followed == nullptr && moved < repeats) break;
   }
   state.begin_recording();
 }

@@ -68,6 +68,18 @@ TEST_F(EngineTest, ARunSaysWhatTheSpecimenHadBeenThrough) {
   const auto otherwise = simulate_recording(minus, nullptr, "here", Past{PastKind::poled_plus});
   EXPECT_GT(otherwise.recording.at(Channel::charge)[0], 0);
 
+  // So does the way to the program's first level, which is not recorded.
+  protocol["start"] = 1.5;
+  const auto led = recordings::read_recording(finish(request(protocol, true)).path);
+  EXPECT_EQ(led.header.past.kind, PastKind::visited);
+  EXPECT_EQ(led.header.past.from, protocols::FirstState::poled_minus);
+  ASSERT_EQ(led.header.past.levels.size(), 1U);
+  EXPECT_EQ(led.header.past.levels[0].field, 1.5e6);
+  const auto played = simulate_recording(led, nullptr, "here");
+  EXPECT_NEAR(played.recording.at(Channel::charge)[0], led.at(Channel::charge)[0],
+              1e-2 * std::abs(led.at(Channel::charge)[0]));
+  protocol["start"] = 0;
+
   // The device's configuration is nearer to the specimen than what the program says.
   auto asked = request(protocol, true);
   asked.set = {{"device.past", {{"kind", "unpoled"}}}};

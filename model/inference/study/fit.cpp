@@ -63,10 +63,10 @@ class Study {
       if (options_.starts > 1) best = best_start(given);
       watch_.stage("solving", options_.starts > 1 ? 0.6 : 0, 0.95, 2 * solution());
       if (options_.starts == 1 || options_.refined == 1) best = solve(best, middle_, options_.iterations);
-      for (int round = 0; round < rounds && choose_anew(best); ++round)
-        best = solve(best, middle_, options_.iterations);
+      for (int round = 0; round < rounds && better_pasts(best, middle_, 1e-6); ++round) {
+      }
       best = solve(best, fine_, options_.iterations, 1e-4);
-      if (choose_anew(best)) best = solve(best, fine_, options_.iterations, 1e-4);
+      better_pasts(best, fine_, 1e-4);
       given.residuals = best.residuals;
       given = evaluate(given, fine_);
       if (!(best.squares <= given.squares)) best = given;
@@ -189,6 +189,16 @@ class Study {
     return true;
   }
   bool choose_anew(FitCandidate& c) { return choose(c, {model_at(c.at)}, {}); }
+  // Solves again under pasts that are likelier for where it stands, and keeps them if that leads farther
+  // down: they are judged by a coarse simulation.
+  bool better_pasts(FitCandidate& best, const Fidelity& fidelity, double tolerance) {
+    auto other = best;
+    if (!choose_anew(other)) return false;
+    other = solve(other, fidelity, options_.iterations, tolerance);
+    if (!(other.squares < best.squares)) return false;
+    best = std::move(other);
+    return true;
+  }
 
   // From the given model and from what the data show, if that is more.
   std::vector<Model> first_models() const {
