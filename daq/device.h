@@ -109,6 +109,8 @@ class Device {
   // The specimen in it and its load, where there is no model that says so.
   virtual std::optional<recordings::Specimen> specimen() const { return std::nullopt; }
   virtual recordings::LoadCase load() const { return {}; }
+  // What the specimen has been through until now, as far as the device knows.
+  virtual protocols::Past past() const { return {}; }
   // False while the device's own interlock line is open.
   virtual bool interlock_closed() { return true; }
 

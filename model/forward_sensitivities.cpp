@@ -82,12 +82,13 @@ ForwardSensitivities::Number ForwardSensitivities::knot(const Part& part, double
   return out;
 }
 
-void ForwardSensitivities::start(double field) {
+void ForwardSensitivities::start(double field, const Fractions& fractions, double time) {
   knot_ = 0;
+  in_past_ = time < 0;
   for (auto& part : parts_) {
     auto& around = part->around;
-    part->command = knot(*part, field, drive_.field, 0);
-    around.start(part->command);
+    part->command = in_past_ ? Number(field) : knot(*part, field, drive_.field, 0);
+    around.start(part->command, fractions, time);
     part->at = part->at_before = {around.material.field, around.material.stress};
     part->polarization = part->polarization_before = around.remanent(0);
     part->trial = {};
@@ -112,12 +113,17 @@ void ForwardSensitivities::start(double field) {
   stepping_ = false;
 }
 
+void ForwardSensitivities::begin_recording() {
+  in_past_ = false;
+  for (auto& part : parts_) part->around.begin_recording();
+}
+
 void ForwardSensitivities::play(const FieldPiece& command, std::size_t pieces) {
-  ++knot_;
+  if (!in_past_) ++knot_;
   for (auto& part : parts_) {
-    const auto to = knot(*part, command.to, drive_.field, knot_);
+    const auto to = in_past_ ? Number(command.to) : knot(*part, command.to, drive_.field, knot_);
     Number duration(command.duration);
-    if (!drive_.time.empty())
+    if (!in_past_ && !drive_.time.empty())
       duration.tangent =
           (knot(*part, 0, drive_.time, knot_) - knot(*part, 0, drive_.time, knot_ - 1)).tangent;
     part->pieces = part->around.driven({duration, part->command, to});

@@ -21,7 +21,8 @@ class ForwardSensitivities final : public StepObserver {
   // Rows that are asked for next follow those that are done.
   void begin(std::size_t done) { first_row_ = done; }
 
-  void start(double field) override;
+  void start(double field, const Fractions& fractions, double time) override;
+  void begin_recording() override;
   void play(const FieldPiece& command, std::size_t pieces) override;
   void solved(const SolvedStep& step) override;
   void sense_at(double time, std::size_t row) override;
@@ -60,6 +61,7 @@ class ForwardSensitivities final : public StepObserver {
   std::size_t first_direction_;  // the first of these
   SlopeSpans out_;
   std::size_t knot_ = 0;  // that has been reached
+  bool in_past_ = false;  // which the drive's directions do not move
   std::vector<std::unique_ptr<Part>> parts_;
   std::optional<EnsembleTangents> domains_;
   std::vector<Causes> causes_;

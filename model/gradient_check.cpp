@@ -27,7 +27,8 @@ class PlanRecorder final : public StepObserver {
     plan_.lattice = state.lattice;
     if (state.ensemble != nullptr) state.ensemble->record();
   }
-  void start(double) override { plan_.start = change(); }
+  void start(double, const Fractions&, double) override { plan_.start = change(); }
+  void begin_recording() override { plan_.cycles = state_.cycles; }
   void play(const FieldPiece&, std::size_t) override {}
   void solved(const SolvedStep& step) override { plan_.steps.push_back({step.share, step.last, change()}); }
   void sense_at(double, std::size_t) override {}

@@ -45,7 +45,9 @@ std::vector<double> played_field(const recordings::Recording& recording) {
 
 Trajectory simulate_on(const Model& model, const recordings::Recording& recording,
                        const SimulationOptions& options, bool estimate_quadrature) {
-  return simulate(model_for(model, recording.header), recording.time, played_field(recording), options,
+  auto after = options;
+  if (after.past == nullptr) after.past = &recording.header.past;
+  return simulate(model_for(model, recording.header), recording.time, played_field(recording), after,
                   estimate_quadrature);
 }
 

@@ -13,7 +13,8 @@ Model model_for(const Model& model, const recordings::Header& recording);
 // its own times; gaps are bridged by a straight line. Throws Error(bad_recording) if it has neither.
 std::vector<double> played_field(const recordings::Recording& recording);
 
-// What the model gives at the recording's times under the played field.
+// What the model gives at the recording's times under the played field, after the past of the options or, if
+// they name none, the recording's.
 Trajectory simulate_on(const Model& model, const recordings::Recording& recording,
                        const SimulationOptions& options = {}, bool estimate_quadrature = false);
 

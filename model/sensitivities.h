@@ -29,6 +29,7 @@ struct SlopeSpans {
 
 // Directions in which the drive itself moves: d knot_time[k] / d direction[j] in s and d knot_field[k] /
 // d direction[j] in V/m, at [k * count + j]. `time` may be empty: the knots stay where they are.
+// Levels that were visited before time 0, the past, do not move, the first knot included then.
 struct DriveDirections {
   std::size_t count = 0;
   std::span<const double> time, field;

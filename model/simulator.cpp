@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/past.h"
 #include "model/physics/parametrized.h"
 #include "model/simulator_state.h"
 
@@ -43,20 +44,29 @@ Simulator::State::State(Model given, const SimulationOptions& given_options, con
   if (plan != nullptr) ensemble->follow();
 }
 
-void Simulator::State::start(double field) {
+void Simulator::State::start(double field, const Fractions& fractions, double time) {
   command = field;
   next_step = 0;
+  cycles = 0;
   statistics = {};
   squared_error = 0;
   planned = 0;
-  Surroundings::start(field);
+  Surroundings::start(field, fractions, time);
   kinetics->set_polarization(remanent(0));
-  kinetics->start({material.field, material.stress});
+  kinetics->start({material.field, material.stress}, fractions);
   if (followed != nullptr && ensemble != nullptr) ensemble->put_to_sleep(followed->start.slept);
   means = kinetics->means();
   coupling.reset();
   start_sensors();
-  if (observer != nullptr) observer->start(field);
+  if (observer != nullptr) observer->start(field, fractions, time);
+}
+
+void Simulator::State::begin_recording() {
+  Surroundings::begin_recording();
+  // Steps and their error are those of the recording, but for how many were tried.
+  statistics.steps = 0;
+  squared_error = 0;
+  if (observer != nullptr) observer->begin_recording();
 }
 
 // Path of ln(rate) per second at most, for a field that changes at `slew`.
@@ -281,7 +291,7 @@ Simulator::Simulator(Simulator&&) noexcept = default;
 Simulator& Simulator::operator=(Simulator&&) noexcept = default;
 
 void Simulator::start(double field) {
-  state_->start(field);
+  start_after(*state_, field);
 }
 double Simulator::time() const {
   return state_->material.time;

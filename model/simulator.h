@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "model/model.h"
+#include "protocols/past.h"
 
 namespace ferrobench::model {
 
@@ -23,6 +24,9 @@ struct SimulationOptions {
   std::uint64_t most_steps = 0;  // after so many, rejected ones too, Error(numerical); 0: no bound
   // Asked before every step, from whichever thread simulates: true ends it with Error(cancelled).
   const std::function<bool()>* stop = nullptr;
+  // What the specimen has been through before time 0; it is played first and does not come out. Null, or
+  // unknown: it is poled towards +.
+  const protocols::Past* past = nullptr;
 };
 
 // Throws Error(cancelled) if that is wanted.
@@ -62,7 +66,8 @@ class Simulator {
   Simulator(Simulator&&) noexcept;
   Simulator& operator=(Simulator&&) noexcept;
 
-  // The virgin state (+180 throughout) at rest under the commanded field, at time 0.
+  // After the past of the options, under the commanded field, at time 0; of itself +180 throughout, at rest.
+  // A past that is the program itself is Error(invalid_params), as there is none yet.
   void start(double field);
   double time() const;   // s
   double field() const;  // V/m, commanded

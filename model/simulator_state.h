@@ -19,11 +19,12 @@ struct SolvedStep {
 };
 
 // Told of all that a run does, in order: start, then play, then in each step solved, sense (several times or
-// never) and accepted.
+// never) and accepted; between two plays begin_recording, where a past ends.
 class StepObserver {
  public:
   virtual ~StepObserver() = default;
-  virtual void start(double field) = 0;
+  virtual void start(double field, const Fractions& fractions, double time) = 0;
+  virtual void begin_recording() = 0;
   virtual void play(const FieldPiece& command, std::size_t pieces) = 0;
   virtual void solved(const SolvedStep& step) = 0;
   // At `time`, one that was asked for and goes to `row` of the piece's output, or at a share of the step that
@@ -50,8 +51,12 @@ struct Simulator::State : Surroundings<double> {
   StepObserver* observer = nullptr;
   const StepPlan* followed = nullptr;
   std::size_t planned = 0;  // steps done of `followed`
+  int cycles = 0;           // played of a past that is the program itself
 
-  void start(double field);
+  // Time 0 or, for a past that is still to be played, before it.
+  void start(double field, const Fractions& fractions = {}, double time = 0);
+  // What was played so far is the past: time 0 is now.
+  void begin_recording();
   void play(double duration, double field, std::span<const double> times, const ChannelSpans& out);
 
  private:
@@ -76,8 +81,8 @@ struct Simulator::State : Surroundings<double> {
             const ChannelSpans& out, double piece_end);
 };
 
-// Plays a field that is linear between its knots, from the virgin state; before each piece begin(number of
-// times that are done).
+// Plays a field that is linear between its knots, after the past of the state's options; before each piece of
+// it begin(number of times that are done).
 void play_knots(Simulator::State& state, std::span<const double> knot_time,
                 std::span<const double> knot_field, std::span<const double> times, const ChannelSpans& out,
                 const std::function<void(std::size_t)>& begin = {});

@@ -17,7 +17,8 @@ struct PlannedStep {
 
 struct StepPlan {
   Lattice lattice;
-  InactiveSetChange start;  // in the virgin state
+  InactiveSetChange start;
+  int cycles = 0;  // of a past that is the program itself
   std::vector<PlannedStep> steps;
 };
 

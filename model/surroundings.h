@@ -69,16 +69,24 @@ struct Surroundings {
   T conducted = 0;                            // integral of the conduction current density, C/m^2
   T resistance_input = 0;  // of the lag that the source resistance makes with the permittivity
 
-  // The virgin state at rest; the kinetics and the sensors start from it.
-  void start(const T& field) {
+  // At rest with these fractions; the kinetics and the sensors start from it. A time below 0 if what follows
+  // belongs to the specimen's past.
+  void start(const T& field, const Fractions& fractions, double time) {
     monitor = field;
     for (auto& stage : ports.drive) stage->start(field);
     material = {};
-    means = {};
+    material.time = time;
+    means = {fractions.plus, fractions.minus, 0, 0};
     fill(material, means, T(0), field);
     dissipation = conducted = plus_curvature = minus_curvature = T(0);
     mechanics->start(material);
     resistance_input = field;
+  }
+
+  // The past is over: the specimen remembers it, time, charge and sensors begin.
+  void begin_recording() {
+    material.time = conducted = T(0);
+    start_sensors();
   }
 
   void start_sensors() {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/past.h"
 #include "model/simulator_state.h"
 
 namespace ferrobench::model {
@@ -89,7 +90,7 @@ void play_knots(Simulator::State& state, std::span<const double> knot_time,
                 std::span<const double> knot_field, std::span<const double> times, const ChannelSpans& out,
                 const std::function<void(std::size_t)>& begin) {
   check(knot_time, knot_field);
-  state.start(knot_field[0]);
+  start_after(state, knot_time, knot_field);
   std::size_t done = 0;
   for (std::size_t k = knot_time.size() > 1 ? 1 : 0; k < knot_time.size(); ++k) {
     const double end = knot_time[k];

@@ -153,6 +153,9 @@ Program read_program(const json& given, std::vector<Problem>& problems) {
                      .given = excerpt(program.header.name),
                      .allowed = name_pattern,
                      .hint = "a title for people goes under title"});
+  const bool past_read =
+      std::ranges::none_of(found, [](const Problem& p) { return p.path.starts_with("/past"); });
+  if (program.header.past && past_read) check_past(*program.header.past, "/past", found);
   if (values.contains("segments"))
     program.segments = read_segments(program.header.segments, "/segments", 0, program.header.unit, found);
   program.header.segments = nullptr;

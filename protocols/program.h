@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "protocols/past.h"
 #include "protocols/segments.h"
 
 namespace ferrobench::protocols {
@@ -32,6 +33,7 @@ struct Header {
   std::optional<double> layer_thickness;
   std::optional<double> sample_rate;
   LoadFields load;
+  std::optional<Past> past;
   nlohmann::json parameters = nlohmann::json::object();
   double start = 0;
   nlohmann::json segments;
@@ -50,6 +52,7 @@ void describe(Visitor& visit, Header& h) {
   visit("sample_rate_Hz", h.sample_rate,
         {.unit = "Hz", .min = 0, .max = 1e7, .exclusive_min = true, .doc = "what suits the experiment"});
   visit("load", h.load, {.doc = "what the specimen works against"});
+  visit("past", h.past, {.doc = "what the specimen has been through before"});
   visit("parameters", h.parameters, {.doc = "named numbers, for $name in place of a number"});
   visit("start", h.start, level_info("level before the first segment"));
   visit("segments", h.segments, {.required = true});

@@ -98,6 +98,10 @@ std::optional<double> Protocol::sample_rate() const {
   return round_up(std::clamp(samples_per_sweep * waveform.max_slew() / sweep, 1.0, 1e5));
 }
 
+std::optional<Past> Protocol::past() const {
+  return valid_program(json_).header.past;
+}
+
 ProtocolLoad Protocol::load() const {
   const auto fields = valid_program(json_).header.load;
   return {.spring_stiffness = fields.spring_stiffness, .prestress = fields.prestress};

@@ -6,6 +6,7 @@
 //       expand "layer_thickness_m": 1e-4,             optional: the specimen that the program was written for
 //       "sample_rate_Hz": 50,                  optional: what suits the experiment
 //       "load": {"spring_stiffness_N_per_m": 2.7e6, "prestress_Pa": 4e6},            optional
+//       "past": {"kind": "poled_minus"},       optional: what the specimen has been through (past.h)
 //       "parameters": {"rate": 1.0},           optional: named numbers that `--set rate=10` overrides;
 //       "$rate" uses one "start": 1.5,                          level before the first segment (default 0)
 //       "segments": [ ... ] }
@@ -23,6 +24,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "protocols/past.h"
 #include "protocols/waveform.h"
 
 namespace ferrobench::protocols {
@@ -54,6 +56,7 @@ class Protocol {
   std::optional<double> sample_rate() const;
   std::optional<double> layer_thickness() const;  // m
   ProtocolLoad load() const;
+  std::optional<Past> past() const;
   std::map<std::string, double> parameters() const;
 
   // The protocol as executed: parameter values and layer thickness replaced by those in `options`.

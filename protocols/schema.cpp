@@ -84,6 +84,10 @@ json all_kinds(std::variant<Kinds...>*) {
 
 json protocol_schema() {
   auto schema = json_schema<Header>();
+  auto& past = schema["properties"]["past"];
+  const auto doc = past["description"];
+  past = past_schema();
+  past["description"] = doc;
   allow_parameters(schema);
   schema["$schema"] = "https://json-schema.org/draft/2020-12/schema";
   schema["$id"] = "urn:ferrobench:protocol:1";

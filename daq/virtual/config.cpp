@@ -16,6 +16,16 @@ VirtualConfig virtual_config_from_json(const nlohmann::json& json) {
   auto config = parse<VirtualConfig>(json.is_null() ? nlohmann::json::object() : json,
                                      ErrorCode::invalid_params, "the virtual device's configuration");
   const auto& c = config;
+  std::vector<Problem> problems;
+  protocols::check_past(c.past, "/past", problems);
+  if (c.past.kind == protocols::PastKind::cycled)
+    problems.push_back({.path = "/past/kind",
+                        .message = "needs a program, and a device that is opened has none yet",
+                        .given = "cycled",
+                        .allowed = {"poled_plus", "poled_minus", "unpoled", "visited"},
+                        .hint = "name the levels that were visited"});
+  if (!problems.empty())
+    throw Error(ErrorCode::invalid_params, "the specimen's past is not valid", std::move(problems));
   if (!(c.field.enabled || c.charge.enabled || c.displacement.enabled || c.force.enabled))
     throw Error(
         ErrorCode::invalid_params, "the virtual device has no channel",

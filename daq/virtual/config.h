@@ -27,7 +27,8 @@ struct VirtualConfig {
   nlohmann::json model = "soft-pzt";  // a shipped model's name, or a model
   std::int64_t seed = 1;
   Clock clock = Clock::real;
-  double field_range = 2e6;  // V/m; +-200 V on layers of 100 um
+  protocols::Past past{protocols::PastKind::poled_plus};  // of the specimen when the device is opened
+  double field_range = 2e6;                               // V/m; +-200 V on layers of 100 um
   double tolerance = model::below_noise.tolerance;
   std::int64_t domains = model::below_noise.domains;  // 0: as many as the tolerance asks for
   ChannelConfig field, charge, displacement, force;
@@ -48,6 +49,9 @@ void describe(Visitor& visit, VirtualConfig& c) {
   visit("model", c.model, {.doc = "name of a shipped model, or a model as JSON"});
   visit("seed", c.seed, {.min = 0, .doc = "of the noise: same seed, same bytes"});
   visit("clock", c.clock, {.doc = "real: rows come at their rate; fast: as fast as they can be computed"});
+  visit("past", c.past,
+        {.doc = "what the specimen has been through when the device is opened; cycled is none here, as the "
+                "program is not known yet"});
   visit("field_range", c.field_range,
         {.unit = "V/m", .min = 0, .max = 1e9, .exclusive_min = true, .doc = "the amplifier reaches +- this"});
   visit("tolerance", c.tolerance,

@@ -48,7 +48,9 @@ VirtualDevice::VirtualDevice(const model::Model& model, const VirtualConfig& con
     : model_(model),
       config_(config),
       converters_(converters(model, config)),
-      simulator_(model, {.tolerance = config.tolerance, .domains = static_cast<int>(config.domains)}) {
+      simulator_(model, {.tolerance = config.tolerance,
+                         .domains = static_cast<int>(config.domains),
+                         .past = &config_.past}) {
   for (auto& v : values_) v.resize(1);
   simulator_.start(0);
   // The first piece may give the state at its own beginning; it is too short for anything to happen.
@@ -104,6 +106,31 @@ std::array<std::optional<double>, 5> VirtualDevice::noise() const {
   return out;
 }
 
+// What the configuration says, and what the output has done since.
+protocols::Past VirtualDevice::past() const {
+  using protocols::FirstState;
+  using protocols::PastKind;
+  if (visited_.empty()) return config_.past.known() ? config_.past : protocols::Past{PastKind::poled_plus};
+  protocols::Past out{PastKind::visited, config_.past.from, config_.past.levels};
+  if (config_.past.kind == PastKind::poled_minus) out.from = FirstState::poled_minus;
+  if (config_.past.kind == PastKind::unpoled) out.from = FirstState::unpoled;
+  out.levels.insert(out.levels.end(), visited_.begin(), visited_.end());
+  return out.levels.size() > protocols::most_visited_levels ? protocols::Past{} : out;
+}
+
+void VirtualDevice::remember(double level, double seconds) {
+  const double from = visited_.empty() ? 0 : visited_.back().field, slew = (level - from) / seconds;
+  // Levels come as multiples of a sample: a line that was cut into rows is the same to rounding.
+  constexpr double same = 1e-6;
+  if (!visited_.empty() && std::abs(slew - slew_) <= same * std::abs(slew_)) {
+    visited_.back().field = level;
+    visited_.back().seconds += seconds;
+    return;
+  }
+  slew_ = slew;
+  if (visited_.size() <= protocols::most_visited_levels) visited_.push_back({level, seconds});
+}
+
 double VirtualDevice::scan_rate(double asked) const {
   const auto columns = static_cast<double>(converters_.size());
   if (asked * columns >= min_aggregate_rate && asked * columns <= max_aggregate_rate) return asked;
@@ -124,6 +151,7 @@ void VirtualDevice::go_to(double level, double slew) {
   if (duration == 0) return;
   if (config_.clock == Clock::real) std::this_thread::sleep_for(Seconds(duration));
   level_ = level;  // first: the output obeys even if the model fails
+  remember(level, duration);
   for (auto& v : values_) v.resize(std::max<std::size_t>(v.size(), 1));
   const double end = simulator_.time() + duration;
   simulator_.play(duration, level, std::span(&end, 1), spans(values_, 0, 1));
@@ -168,6 +196,7 @@ void VirtualDevice::play(const LinearPiece& piece, std::size_t at) {
   const double now = simulator_.time();
   for (std::size_t i = 0; i < times.size(); ++i) times[i] = now + static_cast<double>(i + 1) / rate_;
   level_ = piece.level;
+  remember(level_, static_cast<double>(piece.samples) / rate_);
   simulator_.play(static_cast<double>(piece.samples) / rate_, piece.level, times,
                   spans(values_, at, piece.samples));
 }

@@ -1,8 +1,9 @@
 // A bench without hardware: guarded pieces -> model -> sensors -> 16-bit counts, at a true scan rate.
 //
-// The specimen is virgin (+180) when the device is opened and keeps its state from run to run. Its time goes
-// on in go_to() and while rows are taken, in between it rests. The model is advanced in chunks that depend on
-// the scan rate only, so real and fast clock, and any block size of a reader, give the same counts.
+// The specimen is poled towards + (+180) when the device is opened, or has the past of its configuration, and
+// keeps its state from run to run. Its time goes on in go_to() and while rows are taken, in between it rests.
+// The model is advanced in chunks that depend on the scan rate only, so real and fast clock, and any block
+// size of a reader, give the same counts.
 #pragma once
 
 #include <chrono>
@@ -29,6 +30,7 @@ class VirtualDevice final : public Device {
   std::array<std::optional<double>, 5> noise() const override;
   nlohmann::json model() const override { return model::to_json(model_); }
   OutputRange output_range() const override { return {-config_.field_range, config_.field_range}; }
+  protocols::Past past() const override;
   double scan_rate(double asked) const override;
   double output() const override { return level_; }
   void go_to(double level, double slew) override;
@@ -38,6 +40,7 @@ class VirtualDevice final : public Device {
  private:
   using Seconds = std::chrono::duration<double>;
 
+  void remember(double level, double seconds);
   void fill_chunk();
   void play(const LinearPiece& piece, std::size_t at);
   void convert(SampleBlock& block);
@@ -47,6 +50,10 @@ class VirtualDevice final : public Device {
   std::vector<Converter> converters_;  // one per column
   model::Simulator simulator_;
   double level_ = 0;
+  // Where the output has gone since the device was opened: the ends of its straight lines. More than a past
+  // can have are no longer told.
+  std::vector<protocols::VisitedLevel> visited_;
+  double slew_ = 0;  // V/m/s, of the last of them
 
   LevelSource* source_ = nullptr;
   double rate_ = 0;

@@ -55,9 +55,9 @@ DomainColumns Ensemble::domains(std::size_t first) const {
   return {at(barrier), at(inverse_barrier), at(field), at(stress), at(weight), at(plus), at(minus)};
 }
 
-void Ensemble::start(const Loads& at) {
-  std::fill(columns_[plus].begin(), columns_[plus].end(), 1.0);
-  std::fill(columns_[minus].begin(), columns_[minus].end(), 0.0);
+void Ensemble::start(const Loads& at, const Fractions& fractions) {
+  std::fill(columns_[plus].begin(), columns_[plus].end(), fractions.plus);
+  std::fill(columns_[minus].begin(), columns_[minus].end(), fractions.minus);
   at_ = at;
   polarization_then_ = constants_.polarization;
   time_ = stress_path_ = 0;
@@ -66,15 +66,19 @@ void Ensemble::start(const Loads& at) {
   awake_ = size_;
   asleep_plus_ = asleep_minus_ = 0;
   evaluate_rates(constants_, domains(), size_, at_, now_.columns());
-  means_ = {};
-  double plus_rate = 0;
-  for (std::size_t i = 0; i < size_; ++i) plus_rate -= columns_[weight][i] * now_.rate[0][i];
-  means_.plus_rate = plus_rate / constants_.relaxation_time;
-  proposed_h_ = 1e-3 * constants_.relaxation_time;
+  means_ = {fractions.plus, fractions.minus, 0, 0};
+  const double ninety = means_.ninety();
+  double plus_rate = 0, minus_rate = 0;
   for (std::size_t i = 0; i < size_; ++i) {
-    outflow_falling_[i] = now_.rate[0][i];
-    outflow_rising_[i] = 0;
+    const auto rate = [&](std::size_t j) { return now_.rate[j][i]; };
+    plus_rate += columns_[weight][i] * (rate(1) * ninety - rate(0) * fractions.plus);
+    minus_rate += columns_[weight][i] * (rate(2) * ninety - rate(3) * fractions.minus);
+    outflow_falling_[i] = rate(0) * fractions.plus + rate(2) * ninety;
+    outflow_rising_[i] = rate(1) * ninety + rate(3) * fractions.minus;
   }
+  means_.plus_rate = plus_rate / constants_.relaxation_time;
+  means_.minus_rate = minus_rate / constants_.relaxation_time;
+  proposed_h_ = 1e-3 * constants_.relaxation_time;
   put_to_sleep(0);
 }
 

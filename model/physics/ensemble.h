@@ -28,14 +28,14 @@ class Ensemble final : public Kinetics {
   // negligible: what may be missed of one domain's fractions in each of its sleeps.
   Ensemble(const Domains& given, const KineticConstants& constants, double negligible);
 
-  void start(const Loads& at) override;
+  void start(const Loads& at, const Fractions& fractions) override;
   const Means& means() const override { return means_; }
   const Means& propose(double h, const Loads& at, const Loads& bend) override;
   void accept() override;
   void set_polarization(double polarization) override { constants_.polarization = polarization; }
   std::uint64_t domain_steps() const override { return domain_steps_; }
 
-  // From now on rows wake and fall asleep only as they are told, from the virgin state on.
+  // From now on rows wake and fall asleep only as they are told, from the start on.
   void follow() { follows_ = true; }
   void wake(const std::vector<std::size_t>& rows);
   void put_to_sleep(const std::vector<std::size_t>& rows);
@@ -55,7 +55,7 @@ class Ensemble final : public Kinetics {
     const double *plus, *minus;  // fractions at its end
   };
   Proposal proposal();
-  // Of all rows in the virgin state, before the first proposal: one that takes no time.
+  // Of all rows as they start, before the first proposal: one that takes no time.
   Proposal start_proposal();
 
  private:

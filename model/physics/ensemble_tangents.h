@@ -15,7 +15,7 @@ class EnsembleTangents {
  public:
   EnsembleTangents(const Lattice& lattice, std::size_t parameters);
 
-  // The virgin state; `change` is what has fallen asleep there.
+  // Fractions that no parameter moves; `change` is what has fallen asleep there.
   void start(const InactiveSetChange& change);
   void wake(const std::vector<std::size_t>& rows);
   // Takes the tangents along in the step that the ensemble has proposed. `causes` and `out` have an entry for

@@ -17,11 +17,16 @@ struct MeansOf {
 };
 using Means = MeansOf<double>;
 
+// Of all domains alike, at the start.
+struct Fractions {
+  double plus = 1, minus = 0;
+};
+
 class Kinetics {
  public:
   virtual ~Kinetics() = default;
-  // The virgin state (+180 throughout) at these loads.
-  virtual void start(const Loads& at) = 0;
+  // All domains with these fractions, at these loads. Throws Error(bad_model) if there is no such state.
+  virtual void start(const Loads& at, const Fractions& fractions) = 0;
   virtual const Means& means() const = 0;
   // The state after `h` seconds in which the loads go to `at`, `bend` off the straight line at mid-step;
   // nothing is kept until accept().

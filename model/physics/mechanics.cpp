@@ -63,7 +63,8 @@ T Mechanics<T>::spring_slope(const T& extension) const {
 
 template <class T>
 T Mechanics<T>::prestress(const T& time) const {
-  return ports_.prestress_factor ? load_.prestress * ports_.prestress_factor(time) : load_.prestress;
+  if (!ports_.prestress_factor) return load_.prestress;
+  return load_.prestress * ports_.prestress_factor(time < 0 ? T(0) : time);
 }
 
 // Dahl's z after a move that does not turn back: z' = (sgn(x') - z) |x'| / distance.
@@ -82,6 +83,8 @@ T Mechanics<T>::friction(const T& extension) const {
 template <class T>
 void Mechanics<T>::start(MaterialState<T>& at) {
   moving_.reset();
+  strain_at_rest_ = -mean_compliance(at) * load_.prestress;
+  if (!vanishes(at.ninety())) strain_at_rest_ += material_.remanent_strain_90 * at.ninety();
   last_extension_ = friction_state_ = T(0);
   for (auto& term : ports_.strain) term->start(at);
   accept(0, at);

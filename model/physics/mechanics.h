@@ -2,12 +2,15 @@
 // (4.1-4.4).
 //
 //   strain        S = <s> sigma + <d> E + eps_90 x90 + terms                              1
-//   active        dx_active = L (S - S_ref),  S_ref = S at rest (+180, E = 0, sigma = -sigma_pre)      m
+//   active        dx_active = L (S - S_ref),  S_ref = S at rest (E = 0, sigma = -sigma_pre)      m
 //   push          N = -(sigma + sigma_pre(t)) A                                           N
 //   displacement  x = dx_active - N / k_na                                                m
 //   quasi-static  N = F_spring(x) + F_friction                                            N   (4.4)
 //   with a mass   m x'' + c x' + F_spring(x) + F_friction = N                             N   (4.3)
 //   load cell     F = sigma_pre(t) A + F_spring(x)                                        N
+//
+// At rest: with the fractions of the start, +180 where nothing else is said. A bench is set up with the
+// specimen as it is then. Before time 0, in a specimen's past, the prestress has not begun to relax.
 //
 // With a linear spring and no terms sigma is solved in closed form, else by the secant method on sigma. With
 // a mass, N = k_act (x_free - x), x_free being x at N = 0; x follows as the oscillator of stiffness k_act +

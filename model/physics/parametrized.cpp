@@ -86,7 +86,14 @@ double Parametrized::step(double h, const ParametrizedLaw<double>::Rates& from, 
   return 0.5 * (low + high);
 }
 
-void Parametrized::start(const Loads& at) {
+void Parametrized::start(const Loads& at, const Fractions& fractions) {
+  if (fractions.plus != 1)
+    throw Error(ErrorCode::bad_model,
+                "a parametrized polycrystal is never reversed: it starts poled towards +",
+                Problem{.path = "/polycrystal/method",
+                        .message = "knows no specimen that is poled towards - or not at all",
+                        .given = "parametrized",
+                        .allowed = {"none", "distribution"}});
   at_ = at;
   means_ = {};
   means_.plus_rate = law_.slope(law_.rates(at, 1), 1);

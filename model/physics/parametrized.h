@@ -45,7 +45,7 @@ class Parametrized final : public Kinetics {
  public:
   Parametrized(const Model& model, const KineticConstants& constants);
 
-  void start(const Loads& at) override;
+  void start(const Loads& at, const Fractions& fractions) override;
   const Means& means() const override { return means_; }
   const Means& propose(double h, const Loads& at, const Loads& bend) override;
   void accept() override;

@@ -40,6 +40,7 @@ Recording window(Recording r, std::optional<double> from, std::optional<double> 
   }
   const auto first = static_cast<std::size_t>(begin - r.time.begin());
   const auto last = static_cast<std::size_t>(end - r.time.begin());
+  if (first > 0) r.header.past = {};
   const double start = *begin, stop = *(end - 1);
   const bool to_the_end = last == r.time.size();
 

@@ -49,6 +49,7 @@ void export_json(const Recording& recording, std::ostream& out) {
                       {"entry_identifier", h.entry_identifier},
                       {"sample", to_json(h.specimen)},
                       {"load", to_json(h.load)},
+                      {"past", to_json(h.past)},
                       {"segments", nlohmann::json::array()},
                       {"events", nlohmann::json::array()}};
   for (const auto& s : recording.segments)

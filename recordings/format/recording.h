@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "protocols/past.h"
+
 namespace ferrobench::recordings {
 
 struct Specimen {
@@ -77,6 +79,7 @@ struct Header {
   nlohmann::json device;    // driver, serial number, ...
   Specimen specimen;
   LoadCase load;
+  protocols::Past past;  // of the specimen, before the first sample
   ChargeReference charge_reference = ChargeReference::absolute;
 };
 

@@ -70,6 +70,7 @@ std::string begin_text(const Begin& begin) {
        {"device", h.device},
        {"sample", to_json(h.specimen)},
        {"load", to_json(h.load)},
+       {"past", to_json(h.past)},
        {"charge_reference", h.charge_reference == ChargeReference::absolute ? "absolute" : "first_sample"},
        {"channels", channels},
        {"raw", raw}});
@@ -94,6 +95,9 @@ Begin begin_of(std::string_view text) {
                   number_at(sample, "layer_thickness_m"), sample.at("layer_count")};
     const auto& load = given.at("load");
     h.load = {number_at(load, "spring_stiffness_N_per_m"), number_at(load, "prestress_Pa")};
+    // Journals of before there was a past have none.
+    if (given.contains("past"))
+      h.past = protocols::past_from_json(given.at("past"), ErrorCode::bad_recording, "/begin/past");
     h.charge_reference = given.at("charge_reference") == "absolute" ? ChargeReference::absolute
                                                                     : ChargeReference::first_sample;
     for (const auto& name : given.at("channels")) {

@@ -1,6 +1,7 @@
 #include "recordings/hdf5/input_file.h"
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 
 #include "base/error.h"
@@ -44,6 +45,49 @@ void check_definition(const Input& in) {
   if (version != "1" && version != "1.0") in.fail(place + "@version", "must be 1, the version read here");
 }
 
+template <class E>
+E named(const Input& in, const std::string& place) {
+  const auto name = in.text(place);
+  if (!name) in.fail(place, "is missing");
+  std::string allowed;
+  for (const auto& [value, known] : enum_names(E{})) {
+    if (*name == known) return value;
+    allowed += (allowed.empty() ? "one of " : ", ") + std::string(known);
+  }
+  in.fail(place, "is not a name that is known here: \"" + excerpt(*name) + "\"", allowed);
+}
+
+protocols::Past read_past(const Input& in) {
+  const std::string group = "/entry/sample/past";
+  protocols::Past out;
+  if (!in.has(group)) return out;
+  out.kind = named<protocols::PastKind>(in, group + "/kind");
+  const bool visited = out.kind == protocols::PastKind::visited;
+  if ((visited || out.kind == protocols::PastKind::cycled) && in.has(group + "/from"))
+    out.from = named<protocols::FirstState>(in, group + "/from");
+  if (!visited) return out;
+  const auto column = [&](const char* name) {
+    const auto place = group + "/" + name;
+    if (!in.has(place))
+      in.fail(place, "is missing", "the kind visited has a field and seconds for each level");
+    const auto rows = in.numeric_size(place).rows;
+    if (rows == 0 || rows > protocols::most_visited_levels)
+      in.fail(place, "must have 1 to " + std::to_string(protocols::most_visited_levels) + " levels, not " +
+                         std::to_string(rows));
+    return in.numbers(place, rows);
+  };
+  const auto fields = column("field"), seconds = column("seconds");
+  if (fields.size() != seconds.size()) in.fail(group + "/seconds", "differs in length from field");
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    if (!(std::abs(fields[i]) <= protocols::highest_visited_field))
+      in.fail(group + "/field", "is no field of a bench at level " + std::to_string(i));
+    if (!(seconds[i] > 0 && seconds[i] <= protocols::longest_leg))
+      in.fail(group + "/seconds", "must be above zero and not endless at level " + std::to_string(i));
+    out.levels.push_back({fields[i], seconds[i]});
+  }
+  return out;
+}
+
 Header read_header(const Input& in) {
   check_definition(in);
   Header h;
@@ -60,6 +104,7 @@ Header read_header(const Input& in) {
   h.specimen.layer_thickness = required(in, "/entry/sample/layer_thickness_m", true);
   required(in, "/entry/sample/layer_count", true);
   h.specimen.layer_count = *in.integer("/entry/sample/layer_count");
+  h.past = read_past(in);
   h.load.spring_stiffness = required(in, "/entry/load/spring_stiffness_N_per_m", false);
   h.load.prestress = required(in, "/entry/load/prestress_Pa", false);
 

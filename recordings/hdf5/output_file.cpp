@@ -76,11 +76,27 @@ void OutputFile::write_header(const Header& header) {
   out_.number("/entry/sample/area_m2", header.specimen.area, "m^2");
   out_.number("/entry/sample/layer_thickness_m", header.specimen.layer_thickness, "m");
   out_.integer("/entry/sample/layer_count", header.specimen.layer_count);
+  if (header.past.known()) write_past(header.past);
   out_.group("/entry/load", "NXcollection");
   out_.number("/entry/load/spring_stiffness_N_per_m", header.load.spring_stiffness, "N/m");
   out_.number("/entry/load/prestress_Pa", header.load.prestress, "Pa");
   out_.group("/entry/instrument", "NXinstrument");
   json("/entry/instrument/device", header.device);
+}
+
+void OutputFile::write_past(const protocols::Past& past) {
+  const std::string group = "/entry/sample/past";
+  out_.group(group, "NXcollection");
+  out_.text(group + "/kind", write_json(past.kind).get<std::string>());
+  if (past.from) out_.text(group + "/from", write_json(*past.from).get<std::string>());
+  if (past.kind != protocols::PastKind::visited) return;
+  std::vector<double> fields, seconds;
+  for (const auto& level : past.levels) {
+    fields.push_back(level.field);
+    seconds.push_back(level.seconds);
+  }
+  out_.numbers(group + "/field", fields, "V/m");
+  out_.numbers(group + "/seconds", seconds, "s");
 }
 
 hdf5::Handle OutputFile::make_column(const std::string& place, hid_t type, std::size_t width) {

@@ -35,6 +35,7 @@ class OutputFile {
 
  private:
   void write_header(const Header& header);
+  void write_past(const protocols::Past& past);
   void make_columns(const Header& header, std::span<const Channel> channels);
   void make_raw(std::span<const RawColumn> raw);
   hdf5::Handle make_column(const std::string& place, hid_t type, std::size_t width);

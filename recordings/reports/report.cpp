@@ -70,6 +70,7 @@ Report make_report(const Recording& recording) {
   add_fact(report, "load",
            "prestress " + number_text(h.load.prestress / pascal_in_mpa) + " MPa, spring " +
                number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/um");
+  if (h.past.known()) add_fact(report, "before", protocols::in_words(h.past));
   add_fact(report, "identifier", h.entry_identifier);
   const Analysis analysis(r);
   for (auto& table : {stroke_table(analysis), hysteresis_table(analysis), rate_table(analysis),

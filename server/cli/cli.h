@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "protocols/past.h"
 #include "recordings/disk/new_file.h"
 
 namespace ferrobench::cli {
@@ -58,6 +59,10 @@ std::string help_of(const std::vector<std::string>& arguments);
 nlohmann::json protocol_argument(const std::string& given);
 // A name, or a file as its JSON; null if nothing was given.
 nlohmann::json model_argument(const std::string& given);
+// A kind of past by its name, or a past as JSON text; none if nothing was given. Error(invalid_params).
+std::optional<protocols::Past> past_argument(const std::string& given);
+// The option --past of a command that simulates.
+CLI::Option* add_past(CLI::App* sub, std::string& past);
 // "key=value" texts as an object; values are JSON where they parse as such. Error(invalid_params).
 nlohmann::json set_argument(const std::vector<std::string>& settings);
 // The file of a recording: a path, or a name in the store. Error(not_found).

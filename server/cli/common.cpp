@@ -76,6 +76,21 @@ json model_argument(const std::string& given) {
   return model::to_json(model::model_from_file(given));
 }
 
+std::optional<protocols::Past> past_argument(const std::string& given) {
+  if (given.empty()) return std::nullopt;
+  return protocols::past_from_text(given);
+}
+
+CLI::Option* add_past(CLI::App* sub, std::string& past) {
+  return sub
+      ->add_option("--past", past,
+                   "what the specimen has been through before: poled_plus, poled_minus, unpoled, cycled (the "
+                   "program itself until it repeats), or visited levels as JSON, for example "
+                   R"('{"kind": "visited", "levels": [{"field_V_per_m": -1.5e6, "seconds": 2}]}'; )"
+                   "default: what the recording says, or poled_plus")
+      ->type_name("PAST");
+}
+
 json set_argument(const std::vector<std::string>& settings) {
   json out = json::object();
   for (const auto& setting : settings) {

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <utility>
 
+#include "base/visible.h"
 #include "recordings/file/reader.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
@@ -37,6 +38,12 @@ void print_correlations(const json& result) {
     }
 }
 
+protocols::Past past_of(json entry) {
+  entry.erase("recording");
+  entry.erase("chosen");
+  return protocols::past_from_json(entry, ErrorCode::internal);
+}
+
 void print_result(const json& result) {
   if (!result.contains("parameters")) return;
   std::printf("%-38s %11s %11s   %-23s %s\n", "parameter", "from", "to", "95 % interval", "");
@@ -62,6 +69,10 @@ void print_result(const json& result) {
               result.at("cost_before").get<double>(), result.at("cost_after").get<double>(),
               result.at("simulations").get<int>(),
               result.at("stopped").get<bool>() ? ", stopped: the best so far" : "");
+  for (const auto& past : result.at("pasts"))
+    if (past.at("chosen").get<bool>())
+      std::printf("before %s the specimen was likeliest %s\n",
+                  visible(past.at("recording").get<std::string>()).c_str(), in_words(past_of(past)).c_str());
   for (const auto& sentence : result.at("unused"))
     std::printf("not used: %s\n", sentence.get<std::string>().c_str());
 }
@@ -152,6 +163,8 @@ void add_fit(CLI::App& app, Common& common) {
   sub->add_option("--report", o->report, "file of a page with pictures, intervals and correlations")
       ->type_name("PAGE.html");
   sub->footer(
+      "A recording that does not say what its specimen had been through gets the likeliest past, and the\n"
+      "result says which.\n"
       "Ctrl-C ends with the best so far. While a daemon runs, recordings of the data folder and tables are "
       "its\n"
       "job, which goes on if this command is killed (job.list); files from elsewhere are fitted by the "

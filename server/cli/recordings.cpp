@@ -21,7 +21,7 @@ namespace {
 const std::vector<std::string> formats{"text", "md", "csv", "json", "html"};
 
 struct RecordingOptions {
-  std::string recording{}, format{}, out{}, model{};
+  std::string recording{}, format{}, out{}, model{}, past{};
 };
 
 CLI::Option* add_recording(CLI::App* sub, RecordingOptions& o) {
@@ -61,7 +61,8 @@ int simulate(const RecordingOptions& o, const Common& common) {
   demand_free(o.out, true, {path, o.model});
   auto model = model_argument(o.model);
   if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
-  const auto simulation = server::simulate_recording(recordings::read_recording(path), model, path);
+  const auto simulation =
+      server::simulate_recording(recordings::read_recording(path), model, path, past_argument(o.past));
   recordings::write_recording(o.out, simulation.recording);
   (void)std::fprintf(
       stderr,
@@ -123,12 +124,15 @@ void add_simulate(CLI::App& app, Common& common) {
   auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
   sub->add_option("--model", o->model, "by name or file; default: the recording's own");
+  add_past(sub, o->past);
   sub->add_option("--out", o->out, "file of the new recording; replaced if it is there")
       ->type_name("OUT.h5")
       ->required();
   sub->footer(
       "The recording's specimen and load win over the model's own.\n"
-      "Example:\n  ferrobench simulate creep.h5 --model nec-ae0505d08 --out simulated.h5");
+      "Examples:\n"
+      "  ferrobench simulate creep.h5 --model nec-ae0505d08 --out simulated.h5\n"
+      "  ferrobench simulate loop.h5 --model mine.json --past poled_minus --out simulated.h5");
   act(sub, o, common, simulate);
 }
 

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 namespace {
 
 struct ReplayOptions {
-  std::string recording{}, model{}, out{}, format = "text", played = "counts";
+  std::string recording{}, model{}, past{}, out{}, format = "text", played = "counts";
   double speed = 0;  // 0: not given
   std::optional<double> from{}, to{};
   bool fast = false, verify = false, force = false, quiet = false;
@@ -118,7 +118,7 @@ int beside_model(const ReplayOptions& o, const Recording& measured, const std::s
                  recordings::Existing existing, const Common& common) {
   auto model = model_argument(o.model);
   if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
-  const auto simulation = server::simulate_recording(measured, model, path);
+  const auto simulation = server::simulate_recording(measured, model, path, past_argument(o.past));
   std::printf("%-14s %14s %14s %10s\n", "channel", "rms", "maximum", "rms/range");
   for (const auto& c : recordings::compare(measured, simulation.recording).columns) {
     const auto channel = std::ranges::find_if(
@@ -187,6 +187,7 @@ void add_replay(CLI::App& app, Common& common) {
   sub->add_option("--model", o->model,
                   "play the recorded field through this model (name or file) as well: rms of model against "
                   "measurement, by channel");
+  add_past(sub, o->past)->needs("--model");
   sub->add_option("--out", o->out, "file of the new recording; with --model, of what the model says")
       ->type_name("OUT.h5");
   sub->add_flag("--force", o->force, "replace the file if it is there, once the new one is whole");
@@ -196,7 +197,8 @@ void add_replay(CLI::App& app, Common& common) {
   sub->add_flag("--quiet", o->quiet, "no progress");
   sub->footer(
       "Exit code 1: --verify found a difference. A model starts from rest where the part that is played "
-      "starts.\n"
+      "starts,\n"
+      "after the past that --past or the recording names; of a later part it is none.\n"
       "Examples:\n"
       "  ferrobench replay creep.h5 --verify\n"
       "  ferrobench replay creep.h5 --speed 100 --from 10 --to 60\n"

@@ -66,9 +66,10 @@ json fit_model(const FitRequest& request, const model::Model& start,
   if (options.free.empty()) options.free = model::default_free_parameters(start);
 
   const auto result = model::fit(start, *residuals, options);
+  const auto& compared = result.residuals ? *result.residuals : *residuals;
   // What was stopped is not simulated again to say how well it did.
   const auto summary = [&](const model::Model& m) {
-    return result.stopped ? Summary{} : residuals->summary(m, {.simulation = options.simulation});
+    return result.stopped ? Summary{} : compared.summary(m, {.simulation = options.simulation});
   };
   const auto before = summary(start), after = summary(result.model);
   json parameters = json::array();
@@ -83,6 +84,11 @@ json fit_model(const FitRequest& request, const model::Model& start,
     if (!result.stopped)
       parameters.back().update({{"interval", {p.low, p.high}}, {"determined", p.determined}});
   }
+  json pasts = json::array();
+  for (const auto& p : result.pasts) {
+    pasts.push_back(protocols::to_json(p.past));
+    pasts.back().update({{"recording", p.recording}, {"chosen", p.chosen}});
+  }
   json out = {{"model", model::to_json(result.model)},
               {"parameters", std::move(parameters)},
               {"before", to_json(before)},
@@ -91,9 +97,10 @@ json fit_model(const FitRequest& request, const model::Model& start,
               {"cost_after", result.cost_after},
               {"simulations", result.simulations},
               {"stopped", result.stopped},
+              {"pasts", std::move(pasts)},
               {"unused", residuals->unused()}};
   if (!result.stopped) out["correlations"] = result.correlations;
-  if (request.report) out["html"] = model::html_report({result, options, *residuals, start, before, after});
+  if (request.report) out["html"] = model::html_report({result, options, compared, start, before, after});
   return out;
 }
 

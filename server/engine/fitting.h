@@ -37,7 +37,9 @@ void describe(Visitor& visit, FitRequest& r) {
 }
 
 // {model, parameters: [{path, from, to, std, interval, determined, low, high, at_bound}], correlations,
-// before, after: {name: rms}, cost_before, cost_after, simulations, stopped, unused: [sentence]}: `low` and
+// before, after: {name: rms}, cost_before, cost_after, simulations, stopped, unused: [sentence], pasts:
+// [{recording, chosen, kind, from, levels}]}: `pasts` are what the specimen had been through before each
+// recording (protocols/past.h), `chosen` by the fit or as recorded; `before` is under them as well. `low` and
 // `high` are the range, `interval` is that of 95 %, `correlations` a row for each parameter. What was stopped
 // has no uncertainty: `std` is 0; `interval`, `determined` and `correlations` are absent. With
 // `report` there is a page too, as `html`. A calibration gives {model} alone. `progress` returns false,

@@ -236,6 +236,8 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
       in_force["spring_stiffness"] = *k;
     plan.model = model::to_json(model::model_from_json(plan.model));
     device["model"] = plan.model;
+    if (const auto past = plan.protocol.past(); past && past->known() && !device.contains("past"))
+      device["past"] = to_json(*past);
     device["seed"] = request.seed;
     device["clock"] = request.fast ? "fast" : "real";
     plan.device_config = std::move(device);

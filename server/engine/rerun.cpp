@@ -68,6 +68,7 @@ RunRequest rerun_request(const recordings::Recording& recording) {
   out.fast = true;
   out.set["prestress_Pa"] = h.load.prestress;
   out.set["spring_stiffness_N_per_m"] = h.load.spring_stiffness;
+  if (h.past.known()) out.set["device.past"] = to_json(h.past);
   out.set.update(virtual_settings(h.device));
   return out;
 }

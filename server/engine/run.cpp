@@ -4,6 +4,7 @@
 #include <boost/lockfree/spsc_queue.hpp>
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
+#include <cmath>
 #include <semaphore>
 
 #include "base/visible.h"
@@ -22,11 +23,29 @@ constexpr std::size_t queue_blocks = 256;  // of 0.1 s each in real time
 constexpr std::chrono::milliseconds status_interval{200};
 constexpr std::chrono::seconds writer_patience{10};  // with a writer that hangs
 
+// The past with the way to the program's first level, which is not recorded. Towards + it does not touch a
+// specimen that is poled so.
+protocols::Past on_to(protocols::Past past, double from, double level, double slew) {
+  using protocols::FirstState;
+  using protocols::PastKind;
+  if (!past.known() || level == from || (past.kind == PastKind::poled_plus && level >= 0)) return past;
+  // What ends a cycle is not known here.
+  if (past.kind == PastKind::cycled || !std::isfinite(from) || !(slew > 0)) return {};
+  if (past.kind == PastKind::poled_minus) past.from = FirstState::poled_minus;
+  if (past.kind == PastKind::unpoled) past.from = FirstState::unpoled;
+  past.kind = PastKind::visited;
+  past.levels.push_back({level, std::abs(level - from) / slew});
+  return past.levels.size() > protocols::most_visited_levels ? protocols::Past{} : past;
+}
+
 recordings::Header measured_header(const RunSetup& setup, const daq::Device& device) {
   recordings::Header header;
   header.title = setup.plan.protocol.title();
   header.protocol = setup.plan.protocol.json();
   header.model = device.model();
+  // What the device knows of the specimen, else what the program's author says.
+  header.past = device.past();
+  if (!header.past.known()) header.past = setup.plan.protocol.past().value_or(protocols::Past{});
   if (header.model.is_null()) {
     header.specimen = device.specimen().value_or(recordings::Specimen{});
     header.load = device.load();
@@ -39,8 +58,12 @@ recordings::Header measured_header(const RunSetup& setup, const daq::Device& dev
   return header;
 }
 
-recordings::Header header_of(const RunSetup& setup, const daq::Device& device, double rate) {
+recordings::Header header_of(const RunSetup& setup, const daq::Device& device,
+                             const protocols::SampledWaveform& program, double slew) {
+  const double rate = program.rate();
   auto header = setup.replay != nullptr ? setup.replay->header() : measured_header(setup, device);
+  if (setup.replay == nullptr)
+    header.past = on_to(std::move(header.past), device.output(), program.value(0), slew);
   header.start_time = recordings::iso_now();
   header.entry_identifier = to_string(boost::uuids::random_generator()());
   header.device = device.info();
@@ -133,7 +156,7 @@ Run::Run(RunSetup setup, Hub& hub)
     throw Error(ErrorCode::limit_exceeded, "the program goes beyond a limit", std::move(found));
   if (auto found = setup_.device->problems(program_); !found.empty())
     throw Error(ErrorCode::limit_exceeded, "the device cannot play the program", std::move(found));
-  const auto header = header_of(setup_, *setup_.device, program_.rate());
+  const auto header = header_of(setup_, *setup_.device, program_, guard_->limits().stop_slew);
   started_ = header.start_time;
   while (!sink_) try {
       sink_ = std::make_unique<Sink>(

@@ -11,7 +11,8 @@ namespace ferrobench::server {
 using recordings::Channel;
 
 Simulation simulate_recording(const recordings::Recording& recording, const nlohmann::json& model,
-                              const std::string& origin, const std::function<bool()>& stop) {
+                              const std::string& origin, const std::optional<protocols::Past>& past,
+                              const std::function<bool()>& stop) {
   const auto& chosen = model.is_null() ? recording.header.model : model;
   if (chosen.is_null())
     throw Error(ErrorCode::invalid_params, "there is no model to simulate with",
@@ -21,6 +22,9 @@ Simulation simulate_recording(const recordings::Recording& recording, const nloh
   const auto adapted = model::model_for(model::model_from_json(chosen), recording.header);
   auto options = model::below_noise;
   if (stop) options.stop = &stop;
+  auto before = past.value_or(recording.header.past);
+  if (!before.known()) before = {protocols::PastKind::poled_plus};
+  options.past = &before;
   auto trajectory = model::simulate_on(adapted, recording, options, true);
   const bool commanded = recording.has(Channel::command);
 
@@ -32,6 +36,7 @@ Simulation simulate_recording(const recordings::Recording& recording, const nloh
   r.header.start_time = recordings::iso_now();
   r.header.entry_identifier = to_string(boost::uuids::random_generator()());
   r.header.run_seed.reset();
+  r.header.past = before;
   r.header.model = model::to_json(adapted);
   r.header.device = {{"driver", "simulation"},
                      {"source", origin},

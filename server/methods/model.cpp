@@ -56,11 +56,16 @@ void describe(Visitor& visit, PutParams& p) {
 struct SimulateParams {
   std::string recording{};
   json model{};
+  std::optional<protocols::Past> past{};
 };
 template <class Visitor>
 void describe(Visitor& visit, SimulateParams& p) {
   visit("recording", p.recording, {.required = true, .doc = "name of a recording"});
   visit("model", p.model, {.doc = "name or model; absent: the recording's own"});
+  visit(
+      "past", p.past,
+      {.doc = "what the specimen has been through before; absent: what the recording says or, where it does "
+              "not, poled towards +"});
 }
 
 // One that cannot be read keeps none of the others from the list.
@@ -79,7 +84,8 @@ json simulate(Engine& engine, const SimulateParams& p, Jobs::Handle& job) {
   const auto model = p.model.is_null() ? json() : resolve_model(p.model, engine.store());
   job.check();
   job.say(0.1, "simulating");
-  const auto simulation = simulate_recording(source, model, p.recording, [&job] { return job.cancelled(); });
+  const auto simulation =
+      simulate_recording(source, model, p.recording, p.past, [&job] { return job.cancelled(); });
   job.check();
   job.say(0.9, "writing");
   const auto path = engine.store().add_recording(p.recording + "-simulated", simulation.recording);
@@ -158,6 +164,7 @@ void add_model_methods(Dispatcher& rpc, Engine& engine) {
        .lane = Lane::heavy,
        .errors = {ErrorCode::not_found, ErrorCode::busy}},
       [&engine](const SimulateParams& p) {
+        if (p.past) demand_sound(*p.past);
         engine.store().recording(p.recording);
         const auto id = engine.jobs().start(
             "simulate", [&engine, p](Jobs::Handle& job) { return simulate(engine, p, job); });

@@ -198,6 +198,7 @@ json info_of(const fs::path& path) {
           {"events", s.event_count},
           {"specimen", to_json(h.specimen)},
           {"load", to_json(h.load)},
+          {"past", to_json(h.past)},
           {"protocol", h.protocol},
           {"model", h.model},
           {"device", h.device}};
@@ -284,6 +285,7 @@ json info_schema() {
                  {"events", whole("how many")},
                  {"specimen", any_object()},
                  {"load", any_object()},
+                 {"past", any_object("what the specimen had been through before the first sample")},
                  {"protocol", or_null(any_object())},
                  {"model", or_null(any_object())},
                  {"device", or_null(any_object("what it says of itself"))}});

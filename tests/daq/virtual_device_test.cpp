@@ -223,6 +223,52 @@ TEST(VirtualDevice, CanBeStoppedFromAnotherThread) {
   EXPECT_LT(rows, 100'000U);
 }
 
+// The mean of a column's counts in its first row and the nine after it.
+double first_charge(VirtualDevice& device) {
+  const auto taken = take(device, program({line(0, 0, 0.02)}, 1000));
+  double sum = 0;
+  for (std::size_t row = 0; row < 10; ++row) sum += taken.counts[4 * row + 1];
+  return sum / 10 * device.columns()[1].gain;
+}
+
+TEST(VirtualDevice, BeginsAfterThePastOfItsConfiguration) {
+  auto config = fast();
+  VirtualDevice plus(crystal(), config);
+  config.past = {protocols::PastKind::poled_minus};
+  VirtualDevice minus(crystal(), config);
+  config.past = {protocols::PastKind::visited, {}, {{-2e6, 1}, {0, 1}}};
+  VirtualDevice visited(crystal(), config);
+  EXPECT_EQ(visited.past(), config.past);
+  const double charge = first_charge(plus);
+  EXPECT_GT(charge, 0);
+  EXPECT_NEAR(first_charge(minus), -charge, 0.01 * charge);
+  EXPECT_NEAR(first_charge(visited), -charge, 0.2 * charge);
+}
+
+TEST(VirtualDevice, RefusesAPastThatItCannotPlay) {
+  for (const auto* past : {R"({"kind": "cycled"})", R"({"kind": "visited"})", R"({"kind": "poled"})",
+                           R"({"kind": "unpoled", "from": "unpoled"})"})
+    EXPECT_THROW(virtual_config_from_json({{"past", nlohmann::json::parse(past)}}), Error) << past;
+}
+
+// What it says of itself, played by itself, ends where it is.
+TEST(VirtualDevice, RemembersWhatItsOutputDid) {
+  VirtualDevice device(crystal(), fast());
+  EXPECT_EQ(device.past(), protocols::Past{protocols::PastKind::poled_plus});
+  take(device, loop(2000));
+  device.go_to(0, 1e6);
+  const auto past = device.past();
+  EXPECT_EQ(past.kind, protocols::PastKind::visited);
+  // To the program's start, down, the hold, up again and back.
+  ASSERT_EQ(past.levels.size(), 5U);
+  EXPECT_NEAR(past.levels[1].field, -1e6, 1);
+  EXPECT_NEAR(past.levels[1].seconds, 0.5, 1e-9);
+  auto config = fast();
+  config.past = past;
+  VirtualDevice other(crystal(), config);
+  EXPECT_NEAR(first_charge(other), first_charge(device), 1e-3 * std::abs(first_charge(device)));
+}
+
 TEST(VirtualDevice, TellsWhatItIs) {
   VirtualDevice device(crystal(), fast(9));
   const auto info = device.info();

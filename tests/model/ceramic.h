@@ -15,9 +15,9 @@ inline std::filesystem::path ceramic_file() {
          "aixacct_piezo_loops.dat";
 }
 
-// The loop of one of its tables (from 1) from its largest field on: what was there before belongs to the
-// specimen's past. SI; the displacement's sign is that of extension.
-inline recordings::Recording ceramic_loop(int table) {
+// One of its tables (from 1). SI; the displacement's sign is that of extension. The specimen had been poled
+// towards - by the tester's own cycle before.
+inline recordings::Recording ceramic_recording(int table) {
   constexpr double thickness = 0.8e-3, area = 60e-6;  // m, m^2
   std::ifstream file(ceramic_file());
   std::string line;
@@ -39,18 +39,28 @@ inline recordings::Recording ceramic_loop(int table) {
     charge.push_back(v[4] * 1e-2 * area);
     displacement.push_back(v[9] * 1e-9);
   }
-  const auto top = std::ranges::max_element(field) - field.begin();
   using recordings::Channel;
   recordings::Recording r;
   r.header.title = "table " + std::to_string(table);
   r.header.specimen = {"bulk ceramic", thickness, area, thickness, 1};
-  const auto tail = [&](const std::vector<double>& all) {
-    return std::vector<double>(all.begin() + top, all.end());
-  };
-  r.time = tail(time);
-  r.set(Channel::field) = tail(field);
-  r.set(Channel::charge) = tail(charge);
-  r.set(Channel::displacement) = tail(displacement);
+  r.time = time;
+  r.set(Channel::field) = field;
+  r.set(Channel::charge) = charge;
+  r.set(Channel::displacement) = displacement;
+  return r;
+}
+
+// From its largest field on: what was there before is no longer felt, and the specimen is poled towards +.
+inline recordings::Recording ceramic_loop(int table) {
+  using recordings::Channel;
+  auto r = ceramic_recording(table);
+  const auto& field = r.at(Channel::field);
+  const auto top = std::ranges::max_element(field) - field.begin();
+  const auto cut = [&](std::vector<double>& all) { all.erase(all.begin(), all.begin() + top); };
+  cut(r.time);
+  for (const auto channel : {Channel::charge, Channel::displacement, Channel::field})
+    cut(*r.channels[static_cast<std::size_t>(channel)]);
+  r.header.past = {protocols::PastKind::poled_plus};
   return r;
 }
 

@@ -63,6 +63,24 @@ std::vector<json> documents() {
       out.push_back(one(more));
     }
   }
+  const json level = {{"field_V_per_m", -1e6}, {"seconds", 1}};
+  for (const json& past : std::initializer_list<json>{
+           {{"kind", "poled_minus"}},
+           {{"kind", "cycled"}, {"from", "unpoled"}},
+           {{"kind", "visited"}},
+           {{"kind", "visited"}, {"levels", json::array()}},
+           {{"kind", "visited"}, {"levels", json::array({level})}},
+           {{"kind", "visited"}, {"from", "unpoled"}, {"levels", json::array({level, level})}},
+           {{"kind", "visited"}, {"from", "cycled"}, {"levels", json::array({level})}},
+           {{"kind", "unpoled"}, {"levels", json::array({level})}},
+           {{"kind", "visited"}, {"levels", json::array({{{"field_V_per_m", 2e9}, {"seconds", 1}}})}},
+           {{"kind", "visited"}, {"levels", json::array({{{"field_V_per_m", 0}, {"seconds", 0}}})}},
+           {{"kind", "poled"}},
+           json::object(),
+           json("poled_minus")}) {
+    out.push_back(one(hold));
+    out.back()["past"] = past;
+  }
   const auto whole = one(hold);
   for (const auto* key : {"format", "version", "name", "unit", "segments"}) {
     auto less = whole;

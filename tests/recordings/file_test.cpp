@@ -30,6 +30,7 @@ Recording full_recording() {
   displacement[11] = std::nan("");
   r.raw = std::move(raw);
   r.events = {{0.5, "gap", "one sample lost"}, {1.25, "note", "änderung <b>"}};
+  r.header.past = {protocols::PastKind::visited, protocols::FirstState::unpoled, {{-1.5e6, 2}, {0, 1.5}}};
   r.noise.at(2) = 3e-9;
   r.end_time = "2026-01-01T00:00:06.500000Z";
   r.reason = "all of it";
@@ -54,6 +55,7 @@ void expect_equal(const Recording& a, const Recording& b) {
   EXPECT_EQ(a.header.specimen.length, b.header.specimen.length);
   EXPECT_EQ(a.header.specimen.layer_count, b.header.specimen.layer_count);
   EXPECT_EQ(a.header.load.prestress, b.header.load.prestress);
+  EXPECT_EQ(a.header.past, b.header.past);
   EXPECT_EQ(a.header.charge_reference, b.header.charge_reference);
   EXPECT_EQ(a.end_time, b.end_time);
   EXPECT_EQ(a.status, b.status);

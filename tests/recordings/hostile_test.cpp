@@ -26,6 +26,7 @@ Recording small_recording() {
   r.set(Channel::displacement) = r.time;
   r.set(Channel::force).assign(r.size(), 200);
   r.header.model = {{"format", "ferrobench-model"}};
+  r.header.past = {protocols::PastKind::visited, protocols::FirstState::poled_plus, {{-1e6, 1}, {0, 1}}};
   r.events = {{0.5, "note", "here"}};
   return r;
 }
@@ -108,6 +109,40 @@ const std::vector<Damage>& damages() {
        "/entry/sample/area_m2", "one number"},
       {"half_a_layer", [](hid_t f) { put_numbers(f, "/entry/sample/layer_count", {1.5}); },
        "/entry/sample/layer_count", "whole"},
+      {"past_without_kind", [](hid_t f) { H5Ldelete(f, "/entry/sample/past/kind", H5P_DEFAULT); },
+       "/entry/sample/past/kind", "missing"},
+      {"past_of_no_kind",
+       [](hid_t f) {
+         H5Ldelete(f, "/entry/sample/past/kind", H5P_DEFAULT);
+         H5Lcreate_hard(f, "/entry/definition", f, "/entry/sample/past/kind", H5P_DEFAULT, H5P_DEFAULT);
+       },
+       "/entry/sample/past/kind", "not a name"},
+      {"past_without_levels", [](hid_t f) { H5Ldelete(f, "/entry/sample/past/field", H5P_DEFAULT); },
+       "/entry/sample/past/field", "missing"},
+      {"past_nan",
+       [](hid_t f) {
+         put_numbers(f, "/entry/sample/past/field", {0, std::nan("")});
+       },
+       "/entry/sample/past/field", "level 1"},
+      {"past_too_high",
+       [](hid_t f) {
+         put_numbers(f, "/entry/sample/past/field", {1e12, 0});
+       },
+       "/entry/sample/past/field", "level 0"},
+      {"past_at_once",
+       [](hid_t f) {
+         put_numbers(f, "/entry/sample/past/seconds", {1, 0});
+       },
+       "/entry/sample/past/seconds", "level 1"},
+      {"past_for_ever",
+       [](hid_t f) {
+         put_numbers(f, "/entry/sample/past/seconds", {INFINITY, 1});
+       },
+       "/entry/sample/past/seconds", "level 0"},
+      {"past_short", [](hid_t f) { put_numbers(f, "/entry/sample/past/seconds", {1}); },
+       "/entry/sample/past/seconds", "length"},
+      {"past_endless", [](hid_t f) { put_numbers(f, "/entry/sample/past/field", rising(10001)); },
+       "/entry/sample/past/field", "10000 levels"},
       {"text_is_number", [](hid_t f) { put_numbers(f, "/entry/title", {1}); }, "/entry/title", "text"},
       {"huge", [](hid_t f) { put_claim(f, "/entry/data/time", 1ull << 60, 1024); }, "/entry/data/time",
        "claims"},

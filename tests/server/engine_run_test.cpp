@@ -49,6 +49,55 @@ TEST_F(EngineTest, RecordsAWholeRun) {
                    column.offset + column.gain * r.raw->counts[10 * r.raw->columns.size()]);
 }
 
+// What the bench knows of the specimen before the first sample stands in the recording, and is simulated.
+TEST_F(EngineTest, ARunSaysWhatTheSpecimenHadBeenThrough) {
+  using protocols::Past;
+  using protocols::PastKind;
+  auto protocol = trapezium(0.1, 0.1);
+  const auto fresh = recordings::read_recording(finish(request(protocol, true)).path);
+  EXPECT_EQ(fresh.header.past, Past{PastKind::poled_plus});
+
+  protocol["past"] = {{"kind", "poled_minus"}};
+  const auto minus = recordings::read_recording(finish(request(protocol, true)).path);
+  EXPECT_EQ(minus.header.past, Past{PastKind::poled_minus});
+  EXPECT_LT(minus.at(Channel::charge)[0], 0);
+  const auto simulated = simulate_recording(minus, nullptr, "here");
+  EXPECT_EQ(simulated.recording.header.past, minus.header.past);
+  EXPECT_NEAR(simulated.recording.at(Channel::charge)[0], minus.at(Channel::charge)[0],
+              1e-3 * std::abs(minus.at(Channel::charge)[0]));
+  const auto otherwise = simulate_recording(minus, nullptr, "here", Past{PastKind::poled_plus});
+  EXPECT_GT(otherwise.recording.at(Channel::charge)[0], 0);
+
+  // So does the way to the program's first level, which is not recorded.
+  protocol["start"] = 1.5;
+  const auto led = recordings::read_recording(finish(request(protocol, true)).path);
+  EXPECT_EQ(led.header.past.kind, PastKind::visited);
+  EXPECT_EQ(led.header.past.from, protocols::FirstState::poled_minus);
+  ASSERT_EQ(led.header.past.levels.size(), 1U);
+  EXPECT_EQ(led.header.past.levels[0].field, 1.5e6);
+  const auto played = simulate_recording(led, nullptr, "here");
+  EXPECT_NEAR(played.recording.at(Channel::charge)[0], led.at(Channel::charge)[0],
+              1e-2 * std::abs(led.at(Channel::charge)[0]));
+  protocol["start"] = 0;
+
+  // The device's configuration is nearer to the specimen than what the program says.
+  auto asked = request(protocol, true);
+  asked.set = {{"device.past", {{"kind", "unpoled"}}}};
+  EXPECT_EQ(recordings::read_recording(finish(asked).path).header.past, Past{PastKind::unpoled});
+
+  // A device that stays open remembers the run before.
+  const auto id = engine.open_device("virtual", {{"model", "soft-pzt"}, {"clock", "fast"}});
+  RunRequest again;
+  again.protocol = trapezium(0.1, 0.1);
+  again.device = id;
+  finish(again);
+  const auto second = recordings::read_recording(finish(again).path).header.past;
+  EXPECT_EQ(second.kind, PastKind::visited);
+  ASSERT_EQ(second.levels.size(), 3U);
+  EXPECT_NEAR(second.levels[0].field, 5e5, 1);
+  engine.close_device(id);
+}
+
 // The virtual device records its model and its noise; its own numerical error does not show.
 TEST_F(EngineTest, NothingIsMissingInTheVirtualDevicesModel) {
   auto asked = request("creep-6-holds-stiff-spring", true);

@@ -179,6 +179,8 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
 std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& r,
                                                 const SimulationOptions& options,
                                                 SimulationStatistics* statistics) {
+  auto after = options;
+  after.past = &r.header.past;
   std::vector<std::vector<double>> out;
   ChannelSpans spans;
   for (const auto& m : r.channels) {
@@ -197,8 +199,7 @@ std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchR
         spans.field = column;
     }
   }
-  const auto took =
-      simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans, options);
+  const auto took = simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans, after);
   if (statistics != nullptr) *statistics = took;
   return out;
 }

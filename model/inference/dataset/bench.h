@@ -63,8 +63,9 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
                                           std::size_t rows, std::vector<std::string>& warnings,
                                           const std::function<bool()>* stop = nullptr);
 
-// What the model, under the recording's load and drive, gives at its rows, in the order of its channels.
-// Throws Error(numerical) if the model cannot be solved. `statistics`, if not null, says what that took.
+// What the model, under the recording's load and drive and after its past, gives at its rows, in the order of
+// its channels. Throws Error(numerical) if the model cannot be solved. `statistics`, if not null, says what
+// that took.
 std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& recording,
                                                 const SimulationOptions& options,
                                                 SimulationStatistics* statistics = nullptr);

@@ -102,6 +102,7 @@ RecordingData prepare(recordings::Recording r) {
   for (const double e : field) largest = std::max(largest, std::abs(e));
   out.simplified = simplify(out.drive, drive_tolerance * largest);
   out.header = std::move(r.header);
+  out.past = out.header.past;
   return out;
 }
 

@@ -28,6 +28,7 @@ struct MeasuredColumn {
 
 struct RecordingData {
   recordings::Header header;
+  protocols::Past past;      // that is simulated: the header's, or one that was chosen where it has none
   std::vector<double> time;  // s from the first sample, of the rows that take part
   std::vector<MeasuredColumn> columns;
   Drive drive;

@@ -154,6 +154,12 @@ std::string html_report(const FitPage& page) {
       r.stopped ? "; the fit was stopped, and this is the best so far" : "");
   for (const auto& sentence : page.residuals.unused())
     body += "<p>Not used: " + escape_html(sentence) + ".</p>\n";
+  for (const auto& past : r.pasts)
+    if (past.chosen)
+      body += "<p>" +
+              escape_html("Before " + past.recording + " the specimen was likeliest " +
+                          protocols::in_words(past.past)) +
+              ".</p>\n";
   if (!page.after.empty()) body += to_html(misfit_table(page));
   if (!r.stopped) {
     body += pictures(page) + to_html(parameter_table(r));

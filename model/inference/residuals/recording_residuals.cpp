@@ -66,6 +66,11 @@ class RecordingResiduals final : public ResidualModel {
 
   std::vector<std::string> unused() const override { return unused_; }
   std::span<const RecordingData> recordings() const override { return data_; }
+  std::unique_ptr<ResidualModel> with_pasts(std::span<const protocols::Past> pasts) const override {
+    auto out = std::make_unique<RecordingResiduals>(*this);
+    for (std::size_t i = 0; i < pasts.size(); ++i) out->data_.at(i).past = pasts[i];
+    return out;
+  }
 
   Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const override {
     return fill(model, fidelity, {}, out, nullptr);

@@ -78,6 +78,10 @@ class ResidualModel {
   virtual std::vector<std::string> unused() const { return {}; }
   // The recordings behind it, if it is of recordings: where a search looks for a start.
   virtual std::span<const RecordingData> recordings() const { return {}; }
+  // The same with other pasts, one for each of the recordings. Null if it is not of recordings.
+  virtual std::unique_ptr<ResidualModel> with_pasts(std::span<const protocols::Past>) const {
+    return nullptr;
+  }
   // Null where no parameter enters linearly. What it gives refers to this object.
   virtual std::unique_ptr<Separable> separable(const Model&, const std::vector<FreeParameter>&) const;
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "model/past.h"
 #include "model/sensitivities.h"
 
 namespace ferrobench::model {
@@ -32,7 +33,8 @@ double residual_scale(const MeasuredColumn& column) {
 
 std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,
                                                const Fidelity& fidelity,
-                                               std::span<const std::string> parameters) {
+                                               std::span<const std::string> parameters,
+                                               const protocols::Past* past) {
   const auto& drive = fidelity.coarse ? data.simplified : data.drive;
   const auto n = data.time.size();
   SimulatedRows out;
@@ -46,7 +48,10 @@ std::optional<SimulatedRows> simulate_recorded(const Model& model, const Recordi
   spans.fraction_plus = out.plus;
   spans.fraction_minus = out.minus;
   auto options = fidelity.simulation;
-  if (options.most_steps == 0) options.most_steps = steps_at_least + steps_per_knot * drive.time.size();
+  options.past = past != nullptr ? past : &data.past;
+  if (options.most_steps == 0)
+    options.most_steps =
+        steps_at_least + steps_per_knot * (drive.time.size() + past_pieces(options.past, drive.time.size()));
   try {
     if (parameters.empty()) {
       simulate_at(model, drive.time, drive.field, data.time, spans, options);

@@ -20,10 +20,12 @@ struct SimulatedRows {
   const std::vector<double>& slopes_at(recordings::Channel channel) const;
 };
 // `model` as it stands for the recording (model_for). With slopes by `parameters`, paths of the model's
-// numbers. Empty where the model could not be simulated. Throws Error(cancelled).
+// numbers. After the recording's past, or another one. Empty where the model could not be simulated. Throws
+// Error(cancelled).
 std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,
                                                const Fidelity& fidelity,
-                                               std::span<const std::string> parameters = {});
+                                               std::span<const std::string> parameters = {},
+                                               const protocols::Past* past = nullptr);
 
 // Times a difference in SI: percent of the range, over the root of the number of rows.
 double residual_scale(const MeasuredColumn& column);

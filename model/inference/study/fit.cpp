@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <tuple>
 
 #include "model/inference/residuals/separable.h"
 #include "model/inference/search/features.h"
 #include "model/inference/search/global_search.h"
+#include "model/inference/search/pasts.h"
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/least_squares.h"
 #include "model/inference/study/fit_watch.h"
@@ -21,6 +23,11 @@ namespace {
 constexpr double unsolvable = 1e9;
 // Steps of least squares from each start before the best are chosen.
 constexpr int first_steps = 5;
+// Before anything is known of the specimen.
+const PastChoice likeliest_at_start{.fidelity = {}, .heights_are_free = true},
+    cycled_at_start{.fidelity = {}, .heights_are_free = true, .cycled_alone = true};
+// Times that pasts are chosen anew near the optimum: each moves them less.
+constexpr int rounds = 3;
 
 class Study {
  public:
@@ -39,23 +46,32 @@ class Study {
     coarse_ = simplified(options.coarse);
     middle_ = simplified(options.middle);
     given_ = unit_of(start);
+    const auto known = [](const RecordingData& d) { return d.header.past.known(); };
+    chooses_ = !std::ranges::all_of(residuals.recordings(), known);
   }
 
   FitResult run() {
     FitResult out;
     out.model = start_;
-    const auto given = first();
-    out.cost_before = given.squares;
+    // The first simulation is made whatever happens, so that there is something to return.
+    auto given = first();
     watch_.keep(given);
     auto best = given;
     try {
-      if (options_.starts > 1) best = best_start();
+      watch_.stage(options_.starts > 1 ? "searching" : "solving", 0, 0.02, 100);
+      if (choose(given, first_models(), likeliest_at_start)) best = given = evaluate(given, fine_);
+      if (options_.starts > 1) best = best_start(given);
       watch_.stage("solving", options_.starts > 1 ? 0.6 : 0, 0.95, 2 * solution());
-      if (options_.starts == 1 || options_.refined == 1) best = solve(best.at, middle_, options_.iterations);
-      best = solve(best.at, fine_, options_.iterations, 1e-4);
+      if (options_.starts == 1 || options_.refined == 1) best = solve(best, middle_, options_.iterations);
+      for (int round = 0; round < rounds && better_pasts(best, middle_, 1e-6); ++round) {
+      }
+      best = solve(best, fine_, options_.iterations, 1e-4);
+      better_pasts(best, fine_, 1e-4);
+      given.residuals = best.residuals;
+      given = evaluate(given, fine_);
       if (!(best.squares <= given.squares)) best = given;
       watch_.stage("estimating uncertainty", 0.95, 1, 2 * parameters());
-      uncertainty(best.at, out);
+      uncertainty(best, out);
     } catch (const Error& e) {
       if (e.code() != ErrorCode::cancelled) throw;
       out.stopped = true;
@@ -63,6 +79,10 @@ class Study {
       out.parameters.clear();
     }
     out.model = model_at(best.at);
+    out.cost_before = given.squares;
+    for (const auto& d : best.residuals->recordings())
+      out.pasts.push_back({d.header.title, d.past, !d.header.past.known()});
+    if (chooses_) out.residuals = best.residuals;
     out.cost_after = best.squares;
     out.simulations = watch_.simulations();
     out.parameters.resize(options_.free.size());
@@ -96,16 +116,18 @@ class Study {
     return out;
   }
 
-  // The sum of squares is infinite where the model cannot be simulated.
-  FitCandidate evaluate(std::span<const double> at, const Fidelity& fidelity) {
-    std::vector<double> r(residuals_.size());
-    if (!function(fidelity)(at, r)) return {.at = {at.begin(), at.end()}};
-    return {{at.begin(), at.end()}, sum_of_squares(r)};
+  // The same place with its sum of squares, infinite where the model cannot be simulated.
+  FitCandidate evaluate(FitCandidate c, const Fidelity& fidelity) {
+    std::vector<double> r(c.residuals->size());
+    c.squares = function(*c.residuals, fidelity)(c.at, r) ? sum_of_squares(r)
+                                                          : std::numeric_limits<double>::infinity();
+    return c;
   }
 
   FitCandidate first() {
     try {
-      auto given = evaluate(given_, fine_);
+      // Not owned: the caller's, which outlive the study.
+      auto given = evaluate({{std::shared_ptr<void>(), &residuals_}, given_}, fine_);
       if (std::isfinite(given.squares)) return given;
     } catch (const Error& e) {
       if (e.code() != ErrorCode::cancelled) throw;
@@ -115,19 +137,20 @@ class Study {
                 "the model to start from cannot be simulated in the experiments that it is to be fitted to");
   }
 
-  ResidualFunction function(const Fidelity& fidelity) {
-    return [this, &fidelity](std::span<const double> unit, std::span<double> out) {
+  ResidualFunction function(const ResidualModel& residuals, const Fidelity& fidelity) {
+    return [this, &residuals, &fidelity](std::span<const double> unit, std::span<double> out) {
       watch_.count();
-      return residuals_.evaluate(model_at(unit), fidelity, out) == Solved::yes;
+      return residuals.evaluate(model_at(unit), fidelity, out) == Solved::yes;
     };
   }
 
   // Empty if differences must do.
-  SlopeFunction slopes(const Fidelity& fidelity) {
-    if (!residuals_.has_slopes()) return {};
-    return [this, &fidelity](std::span<const double> unit, std::span<double> out, Eigen::MatrixXd& slopes) {
+  SlopeFunction slopes(const ResidualModel& residuals, const Fidelity& fidelity) {
+    if (!residuals.has_slopes()) return {};
+    return [this, &residuals, &fidelity](std::span<const double> unit, std::span<double> out,
+                                         Eigen::MatrixXd& slopes) {
       watch_.count();
-      if (residuals_.evaluate_with_slopes(model_at(unit), fidelity, options_.free, out, slopes) == Solved::no)
+      if (residuals.evaluate_with_slopes(model_at(unit), fidelity, options_.free, out, slopes) == Solved::no)
         return false;
       for (std::size_t i = 0; i < unit.size(); ++i)
         slopes.col(static_cast<Eigen::Index>(i)) *= unit_slope(options_.free[i], unit[i]);
@@ -135,20 +158,46 @@ class Study {
     };
   }
 
-  FitCandidate solve(const std::vector<double>& from, const Fidelity& fidelity, int iterations,
+  FitCandidate solve(const FitCandidate& from, const Fidelity& fidelity, int iterations,
                      double tolerance = 1e-6) {
-    if (from.empty()) return {};
+    if (from.at.empty()) return {};
+    const auto& residuals = *from.residuals;
     LeastSquaresOptions options;
     options.tolerance = tolerance;
     options.iterations = iterations;
-    options.slopes = slopes(fidelity);
-    FitCandidate last{.at = from};  // where it cannot be simulated, a sum without end
+    options.slopes = slopes(residuals, fidelity);
+    FitCandidate last{from.residuals, from.at};  // where it cannot be simulated, a sum without end
     options.progress = [&](double squares, std::span<const double> at) {
-      last = {{at.begin(), at.end()}, squares};
+      last = {from.residuals, {at.begin(), at.end()}, squares};
       watch_.keep(last);
     };
-    least_squares(residuals_.size(), from, function(fidelity), options);
+    least_squares(residuals.size(), from.at, function(residuals, fidelity), options);
     return last;
+  }
+
+  // Gives the candidate the likeliest pasts under these models, where recordings name none; whether any is
+  // another one than it was.
+  bool choose(FitCandidate& c, const std::vector<Model>& models, const PastChoice& how) {
+    if (!chooses_ || c.at.empty()) return false;
+    auto choice = how;
+    choice.fidelity = coarse_;
+    choice.count = [this] { watch_.count(); };
+    const auto data = c.residuals->recordings();
+    const auto pasts = choose_pasts(models, data, choice);
+    if (std::ranges::equal(pasts, data, {}, {}, &RecordingData::past)) return false;
+    c.residuals = c.residuals->with_pasts(pasts);
+    return true;
+  }
+  bool choose_anew(FitCandidate& c) { return choose(c, {model_at(c.at)}, {}); }
+  // Solves again under pasts that are likelier for where it stands, and keeps them if that leads farther
+  // down: they are judged by a coarse simulation.
+  bool better_pasts(FitCandidate& best, const Fidelity& fidelity, double tolerance) {
+    auto other = best;
+    if (!choose_anew(other)) return false;
+    other = solve(other, fidelity, options_.iterations, tolerance);
+    if (!(other.squares < best.squares)) return false;
+    best = std::move(other);
+    return true;
   }
 
   // From the given model and from what the data show, if that is more.
@@ -159,11 +208,12 @@ class Study {
     return out;
   }
 
-  FitCandidate search(std::uint64_t seed, const std::vector<Model>& models) {
+  FitCandidate search(const std::shared_ptr<const ResidualModel>& residuals, std::uint64_t seed,
+                      const std::vector<Model>& models) {
     GlobalSearchOptions options;
     options.seed = seed;
     const auto finite = [](double value) { return std::isfinite(value) ? value : unsolvable; };
-    if (const auto separable = residuals_.separable(start_, options_.free)) {
+    if (const auto separable = residuals->separable(start_, options_.free)) {
       for (const auto& m : models) options.places.push_back(separable->place(m));
       const auto found = global_search(
           separable->dimensions(),
@@ -174,7 +224,7 @@ class Study {
           },
           options);
       const auto point = separable->at(found.at, coarse_);
-      return point ? evaluate(unit_of(point->model), coarse_) : FitCandidate{};
+      return point ? evaluate({residuals, unit_of(point->model)}, coarse_) : FitCandidate{};
     }
     // Nothing is eliminated: there are more dimensions to learn.
     options.generations *= 2;
@@ -182,48 +232,64 @@ class Study {
     const auto found = global_search(
         given_.size(),
         [&](std::span<const double> unit) {
-          auto c = evaluate(unit, coarse_);
+          auto c = evaluate({residuals, {unit.begin(), unit.end()}}, coarse_);
           const double value = finite(c.squares);
           watch_.keep(std::move(c));
           return value;
         },
         options);
-    return evaluate(found.at, coarse_);
+    return evaluate({residuals, found.at}, coarse_);
   }
 
-  FitCandidate best_start() {
+  // Pasts that searches begin with, in turn: the likeliest and, as these were chosen before anything is known
+  // of the specimen, that all were cycled, which is what testers do.
+  std::vector<std::shared_ptr<const ResidualModel>> first_pasts(const FitCandidate& given,
+                                                                const std::vector<Model>& models) {
+    auto cycled = given;
+    if (!choose(cycled, models, cycled_at_start)) return {given.residuals};
+    return {given.residuals, cycled.residuals};
+  }
+
+  FitCandidate best_start(const FitCandidate& given) {
     const auto models = first_models();
+    const auto pasts = first_pasts(given, models);
     const auto searches = static_cast<std::size_t>(options_.starts - 1);
     std::vector<FitCandidate> found(searches);
     const int once = GlobalSearchOptions{}.population * GlobalSearchOptions{}.generations;
     watch_.stage("searching", 0, 0.4, static_cast<int>(searches) * once);
-    tbb::parallel_for(std::size_t{0}, searches,
-                      [&](std::size_t i) { found[i] = search(options_.seed * 1000 + i, models); });
-    for (const auto& m : models) found.push_back({.at = unit_of(m)});
+    tbb::parallel_for(std::size_t{0}, searches, [&](std::size_t i) {
+      found[i] = search(pasts[i % pasts.size()], options_.seed * 1000 + i, models);
+    });
+    for (const auto& m : models) found.push_back({given.residuals, unit_of(m)});
     watch_.stage(
         "solving from each start", 0.4, 0.6,
         static_cast<int>(found.size()) * first_steps * 2 * parameters() + options_.refined * solution());
     // A few steps tell which start leads farthest down; those of them go on.
-    for (auto& c : found) c = solve(c.at, middle_, first_steps);
+    for (auto& c : found) {
+      c = solve(c, middle_, first_steps);
+      if (choose_anew(c)) c = solve(c, middle_, first_steps);
+    }
     std::ranges::sort(found, {}, &FitCandidate::squares);
     found.resize(std::min(found.size(), static_cast<std::size_t>(options_.refined)));
     if (found.size() > 1)
-      for (auto& c : found) c = solve(c.at, middle_, options_.iterations);
+      for (auto& c : found) c = solve(c, middle_, options_.iterations);
     return *std::ranges::min_element(found, {}, &FitCandidate::squares);
   }
 
-  void uncertainty(const std::vector<double>& at, FitResult& out) {
+  void uncertainty(const FitCandidate& best, FitResult& out) {
+    const auto& at = best.at;
+    const auto& residuals = *best.residuals;
     out.parameters.resize(at.size());
-    Eigen::VectorXd r(static_cast<Eigen::Index>(residuals_.size()));
-    const std::span<double> rows(r.data(), residuals_.size());
+    Eigen::VectorXd r(static_cast<Eigen::Index>(residuals.size()));
+    const std::span<double> rows(r.data(), residuals.size());
     Eigen::MatrixXd j;
-    const auto exact = slopes(fine_);
+    const auto exact = slopes(residuals, fine_);
     if (!exact || !exact(at, rows, j)) {
-      const auto f = function(fine_);
+      const auto f = function(residuals, fine_);
       if (!f(at, rows)) return;
       j = jacobian(r, at, f, LeastSquaresOptions{}.difference);
     }
-    const auto c = covariance(residuals_.parts(), r, j);
+    const auto c = covariance(residuals.parts(), r, j);
     for (Eigen::Index i = 0; i < c.rows(); ++i) {
       const auto k = static_cast<std::size_t>(i);
       auto& p = out.parameters[k];
@@ -248,6 +314,7 @@ class Study {
   FitWatch watch_;
   Fidelity fine_, middle_, coarse_;
   std::vector<double> given_;
+  bool chooses_ = false;  // pasts of recordings that name none
 };
 
 }  // namespace

@@ -8,6 +8,10 @@
 //   3. from the best of these by a better simulation, and from the best of those by the one that is used
 //   everywhere
 //   4. uncertainty from the slopes there (solver/covariance.h)
+//
+// A recording that does not say what its specimen had been through is given the likeliest past
+// (search/pasts.h): for the starts under the model given and what the loops show, then again under the best
+// that was found, until the pasts stay as they are. Their uncertainty is none of the parameters'.
 #pragma once
 
 #include <cstdint>
@@ -61,8 +65,17 @@ struct FittedParameter {
   bool determined = false;
 };
 
+struct FittedPast {
+  std::string recording;  // its title
+  protocols::Past past;
+  bool chosen = false;  // by the fit; else the recording says so itself
+};
+
 struct FitResult {
   Model model;
+  std::vector<FittedPast> pasts;  // of the recordings
+  // The residuals under these pasts where any was chosen; null: those given.
+  std::shared_ptr<const ResidualModel> residuals;
   std::vector<FittedParameter> parameters;
   // Coefficients between the parameters' errors, by row and column as in `parameters`.
   std::vector<std::vector<double>> correlations;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <utility>
@@ -13,9 +14,11 @@
 
 namespace ferrobench::model {
 
-// A place in the unit cube of the free parameters.
+// A place in the unit cube of the free parameters, with the residuals that it was found in: those of
+// recordings have pasts that may be others for each candidate.
 struct FitCandidate {
-  std::vector<double> at;
+  std::shared_ptr<const ResidualModel> residuals;
+  std::vector<double> at{};
   double squares = std::numeric_limits<double>::infinity();  // sum of squared residuals
 };
 

@@ -1,0 +1,115 @@
+#include "protocols/past.h"
+
+#include <array>
+#include <cstdio>
+
+namespace ferrobench::protocols {
+
+using nlohmann::json;
+
+std::span<const std::pair<PastKind, std::string_view>> enum_names(PastKind) {
+  static constexpr std::array<std::pair<PastKind, std::string_view>, 6> names{
+      {{PastKind::unknown, "unknown"},
+       {PastKind::poled_plus, "poled_plus"},
+       {PastKind::poled_minus, "poled_minus"},
+       {PastKind::unpoled, "unpoled"},
+       {PastKind::visited, "visited"},
+       {PastKind::cycled, "cycled"}}};
+  return names;
+}
+
+std::span<const std::pair<FirstState, std::string_view>> enum_names(FirstState) {
+  static constexpr std::array<std::pair<FirstState, std::string_view>, 3> names{
+      {{FirstState::poled_plus, "poled_plus"},
+       {FirstState::poled_minus, "poled_minus"},
+       {FirstState::unpoled, "unpoled"}}};
+  return names;
+}
+
+json to_json(const Past& past) {
+  auto out = write_json(past);
+  if (past.levels.empty()) out.erase("levels");
+  return out;
+}
+
+void check_past(const Past& past, const std::string& path, std::vector<Problem>& problems) {
+  const bool visited = past.kind == PastKind::visited;
+  if (visited && past.levels.empty())
+    problems.push_back({.path = path + "/levels",
+                        .message = "is missing: the kind visited needs at least one level",
+                        .hint = R"(for example [{"field_V_per_m": -1.5e6, "seconds": 2}])"});
+  if (past.levels.size() > most_visited_levels)
+    problems.push_back({.path = path + "/levels",
+                        .message = "has too many levels",
+                        .given = past.levels.size(),
+                        .allowed = {{"to", most_visited_levels}},
+                        .hint = "leave out what lies long before: later levels wipe it out"});
+  const auto refuse = [&](const char* key, json allowed) {
+    problems.push_back({.path = path + "/" + key,
+                        .message = "does not belong to this kind",
+                        .given = write_json(past.kind),
+                        .allowed = std::move(allowed)});
+  };
+  if (!visited && !past.levels.empty()) refuse("levels", {"visited"});
+  if (!visited && past.kind != PastKind::cycled && past.from) refuse("from", {"visited", "cycled"});
+}
+
+void demand_sound(const Past& past) {
+  std::vector<Problem> problems;
+  check_past(past, "/past", problems);
+  if (!problems.empty()) throw Error(ErrorCode::invalid_params, "the past is not valid", std::move(problems));
+}
+
+json past_schema() {
+  auto out = json_schema<Past>();
+  out["properties"]["levels"]["maxItems"] = most_visited_levels;
+  out["if"] = {{"properties", {{"kind", {{"const", "visited"}}}}}, {"required", {"kind"}}};
+  out["then"] = {{"required", {"levels"}}, {"properties", {{"levels", {{"minItems", 1}}}}}};
+  out["else"] = {{"properties", {{"levels", {{"maxItems", 0}}}}}};
+  // In no other kind than visited and cycled.
+  out["dependentSchemas"] = {{"from", {{"properties", {{"kind", {{"enum", {"visited", "cycled"}}}}}}}}};
+  return out;
+}
+
+Past past_from_json(const json& given, ErrorCode code, const std::string& path) {
+  Past out;
+  std::vector<Problem> problems;
+  read_json(given, out, path, problems);
+  if (problems.empty()) check_past(out, path, problems);
+  if (!problems.empty()) throw Error(code, "the past is not valid", std::move(problems));
+  return out;
+}
+
+Past past_from_text(const std::string& text) {
+  if (text.starts_with("{"))
+    return past_from_json(parse_json_text(text, ErrorCode::invalid_params, "the past"),
+                          ErrorCode::invalid_params);
+  return past_from_json({{"kind", text}}, ErrorCode::invalid_params);
+}
+
+std::string in_words(const Past& past) {
+  switch (past.kind) {
+    case PastKind::poled_plus:
+      return "poled towards +";
+    case PastKind::poled_minus:
+      return "poled towards -";
+    case PastKind::unpoled:
+      return "unpoled";
+    case PastKind::cycled:
+      return "cycled through the program until it repeated itself";
+    case PastKind::visited: {
+      // The farthest level is what decides; the last ones often only lead back.
+      double extreme = 0;
+      for (const auto& level : past.levels)
+        if (std::abs(level.field) >= std::abs(extreme)) extreme = level.field;
+      std::array<char, 64> text{};
+      (void)std::snprintf(text.data(), text.size(), "taken to %.4g kV/mm last", extreme / 1e6);
+      return text.data();
+    }
+    case PastKind::unknown:
+      break;
+  }
+  return "of unknown past";
+}
+
+}  // namespace ferrobench::protocols

@@ -1,0 +1,76 @@
+// A specimen's past as JSON: what it may say, and what is told of what it may not.
+#include "protocols/past.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "protocols/protocol.h"
+
+namespace ferrobench::protocols {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+json visited() {
+  return json::parse(
+      R"({"kind": "visited", "from": "unpoled", "levels": [{"field_V_per_m": -1.5e6, "seconds": 2}]})");
+}
+
+TEST(PastJson, ComesBackAsItWas) {
+  const auto past = past_from_json(visited(), ErrorCode::invalid_params);
+  EXPECT_EQ(past, (Past{PastKind::visited, FirstState::unpoled, {{-1.5e6, 2}}}));
+  EXPECT_EQ(to_json(past), visited());
+  for (const auto& [kind, name] : enum_names(PastKind{})) {
+    if (kind == PastKind::visited) continue;
+    EXPECT_EQ(past_from_text(std::string(name)).kind, kind);
+    EXPECT_EQ(to_json(Past{kind}), (json{{"kind", name}}));
+  }
+  EXPECT_EQ(past_from_text(visited().dump()), past);
+}
+
+// The place and the words of the first problem.
+std::pair<std::string, std::string> problem_of(const json& given) {
+  try {
+    past_from_json(given, ErrorCode::invalid_params);
+  } catch (const Error& e) {
+    if (e.problems().empty()) return {};
+    return {e.problems()[0].path, e.problems()[0].message};
+  }
+  return {"none", ""};
+}
+
+TEST(PastJson, IsRefusedWithItsPlace) {
+  EXPECT_EQ(problem_of({{"kind", "poled"}}).first, "/past/kind");
+  EXPECT_EQ(problem_of(json::object()).first, "/past/kind");
+  EXPECT_EQ(problem_of({{"kind", "visited"}}).first, "/past/levels");
+  EXPECT_EQ(problem_of({{"kind", "unpoled"}, {"from", "unpoled"}}).first, "/past/from");
+  auto given = visited();
+  given["kind"] = "cycled";
+  EXPECT_EQ(problem_of(given).first, "/past/levels");
+  for (const auto& [field, seconds] :
+       std::vector<std::pair<json, json>>{{1e10, 1}, {0, 0}, {0, -1}, {0, 1e10}}) {
+    given = visited();
+    given["levels"][0] = {{"field_V_per_m", field}, {"seconds", seconds}};
+    EXPECT_THAT(problem_of(given).first, HasSubstr("/past/levels/0/")) << given;
+  }
+  given = visited();
+  given["levels"] = std::vector<json>(most_visited_levels + 1, given["levels"][0]);
+  EXPECT_EQ(problem_of(given).second, "has too many levels");
+}
+
+TEST(PastJson, BelongsToAProtocol) {
+  auto given = json::parse(
+      R"({"format": "ferrobench-protocol", "version": 1, "name": "p", "unit": "kV/mm",
+          "segments": [{"kind": "hold", "time": 1}]})");
+  EXPECT_FALSE(Protocol::from_json(given).past());
+  given["past"] = visited();
+  EXPECT_EQ(Protocol::from_json(given).past()->levels.size(), 1U);
+  given["past"]["kind"] = "unpoled";
+  const auto problems = validate(given);
+  ASSERT_FALSE(problems.empty());
+  EXPECT_EQ(problems[0].path, "/past/levels");
+}
+
+}  // namespace
+}  // namespace ferrobench::protocols
