@@ -8,6 +8,7 @@
 #include "recordings/exchange/conversion/columns.h"
 #include "recordings/exchange/testers/aixacct.h"
 #include "recordings/exchange/testers/easyexpert.h"
+#include "recordings/exchange/testers/lines.h"
 #include "recordings/exchange/testers/radiant.h"
 
 namespace ferrobench::recordings {
@@ -122,7 +123,8 @@ std::vector<Imported> of_easyexpert(const CsvImport& import, SourceKind kind, co
     auto given = with_map(import, record);
     for (const auto& line : record.header)
       if (line.text.starts_with("SetupTitle,"))
-        given.title += (given.title.empty() ? "" : ": ") + line.text.substr(line.text.find(',') + 1);
+        given.title += (given.title.empty() ? "" : ": ") +
+                       std::string(trimmed(std::string_view(line.text).substr(line.text.find(',') + 1)));
     const auto shown = [&](double share) {
       if (progress) progress((static_cast<double>(i) + share) / static_cast<double>(records.size()));
     };

@@ -55,7 +55,8 @@ class Import {
     if (import_.time && import_.sample_rate)
       problems_.push_back({.path = "/sample_rate_Hz", .message = "goes without a column of the time"});
     const bool moves = map_of("displacement", import_.displacement).has_value();
-    specimen = settle_specimen(given_specimen(import_), {}, moves, out_.findings);
+    specimen = settle_specimen(given_specimen(import_), {}, moves, out_.findings, problems_);
+    const auto unknown = problems_.size();
     thickness_ = specimen.layer_thickness;
     constexpr std::array of_time{Quantity::time}, of_current{Quantity::current},
         of_polarization{Quantity::polarization};
@@ -77,10 +78,12 @@ class Import {
       want("polarization", *map, of_polarization, out_.polarization.emplace());
     const bool measured = out_.current || out_.polarization ||
                           std::ranges::any_of(out_.channels, [](const auto& c) { return c.has_value(); });
-    if (!measured && problems_.empty())
+    if (!measured && problems_.size() == unknown)
       problems_.push_back(
           {.path = "/csv", .message = "has no column of a channel", .allowed = table_.names()});
-    read_rows();
+    if (unknown == 0) read_rows();
+    if (!problems_.empty() && problems_.size() == unknown)
+      throw Error(ErrorCode::invalid_params, "the specimen must be known", std::move(problems_));
     if (!problems_.empty())
       throw Error(ErrorCode::bad_recording, "the text is not a recording", std::move(problems_));
     out_.place_of = [lines = std::move(lines_)](std::size_t row) {

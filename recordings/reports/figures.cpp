@@ -34,6 +34,10 @@ std::vector<Shown> shown_channels(const Recording& r) {
   if (r.has(Channel::displacement))
     out.push_back({"Displacement", "displacement [um]", scaled(r.at(Channel::displacement), metre_in_um)});
   if (r.has(Channel::force)) out.push_back({"Force", "force [N]", r.at(Channel::force)});
+  // A current is shown where nothing follows from it.
+  for (const auto& other : r.others)
+    if (other.as.name == "current" && !r.has(Channel::charge))
+      out.push_back({"Current", "current [A]", other.values});
   return out;
 }
 

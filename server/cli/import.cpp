@@ -80,15 +80,22 @@ std::vector<Renamed> to_si(json& map) {
   return out;
 }
 
-// A problem with a length leads to the key and the value that the user gave.
+// A problem with a length leads to the key and the value that the user gave; what is missing may be given in
+// any unit.
 Error in_own_units(const Error& error, const std::vector<Renamed>& renamed) {
   auto problems = error.problems();
-  for (auto& problem : problems)
+  for (auto& problem : problems) {
+    if (problem.path == "/area_m2" && problem.given.is_null())
+      problem.hint += ", also as area_mm2 or area_um2";
+    if (problem.path == "/layer_thickness_m" && problem.given.is_null())
+      problem.hint += ", also as layer_thickness_um or layer_thickness_nm";
+    if (problem.path == "/length_m" && problem.given.is_null()) problem.hint += ", also as length_mm";
     for (const auto& [own, si, given] : renamed) {
       if (problem.path != si) continue;
       problem.path = own;
       if (!problem.given.is_null()) problem.given = given;
     }
+  }
   return {error.code(), error.message(), std::move(problems)};
 }
 
@@ -142,7 +149,7 @@ std::string tables_in_words(const std::vector<std::size_t>& tables) {
   if (all && tables.size() > 2)
     return "tables " + std::to_string(tables.front()) + " to " + std::to_string(tables.back());
   std::string out = "tables";
-  for (const auto table : tables) out += (&table == tables.data() ? " " : ", ") + std::to_string(table);
+  for (const auto& table : tables) out += (&table == tables.data() ? " " : ", ") + std::to_string(table);
   return out;
 }
 

@@ -10,7 +10,8 @@ namespace ferrobench::recordings {
 namespace {
 
 std::string percent(double share) {
-  return number_text(100 * share) + " %";
+  constexpr double told = 1e-5;
+  return share < told ? "less than 0.001 %" : number_text(100 * share) + " %";
 }
 
 struct Range {
@@ -192,7 +193,8 @@ void check_spikes(Measured& m) {
   if (m.voltage) find_spikes(m, "voltage", *m.voltage);
   for (const auto channel : all_channels)
     if (const auto& values = m.channel(channel)) find_spikes(m, std::string(channel_name(channel)), *values);
-  if (m.current) find_spikes(m, "current", *m.current);
+  // What a polarization follows from has a better check.
+  if (m.current && !m.polarization) find_spikes(m, "current", *m.current);
 }
 
 }  // namespace ferrobench::recordings

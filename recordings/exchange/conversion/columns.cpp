@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "recordings/exchange/conversion/loops_of_tester.h"
+#include "recordings/exchange/conversion/radiant_columns.h"
 #include "recordings/exchange/conversion/units_of_columns.h"
 
 namespace ferrobench::recordings {
@@ -40,43 +41,6 @@ void take_pulses(TesterTable& table, Measured& m) {
       text += ", after " + number_text(m.time[row] - m.time[row - 1]) + " s without samples";
     m.say("pause", text, m.time[row]);
   }
-}
-
-// Vision's: V and uC/cm2, which it writes behind the rows only.
-void take_radiant_loop(TesterTable& table, Measured& m) {
-  m.time = demand_column(table, "Time", Quantity::time);
-  m.voltage = demand_column(table, "Drive Voltage", Quantity::voltage, "V");
-  const bool remanent = table.kind == Measurement::remanent_hysteresis;
-  const auto* switching = remanent ? "Logic 1 Polarization" : "Measured Polarization";
-  m.polarization = demand_column(table, switching, Quantity::polarization, "uC/cm2");
-  if (remanent) {
-    m.say("note", "of the two runs the switching one, Logic 1, is the recording's; the other goes along");
-    for (const std::string_view name : {"Logic 0 Polarization", "Remanent Polarization"})
-      for (auto& column : table.columns)
-        if (column.name == name && column.unit.empty()) column.unit = "uC/cm2";
-  }
-  m.say("note", "Vision writes no units for its columns: V and uC/cm2, as its figures have them");
-}
-
-void check_radiant(const TesterTable& table, Measured& m) {
-  for (const auto& text : table.figures) {
-    const auto figure = header_value({text, 0}, "PMax");
-    if (!figure || !figure->number || !m.polarization) continue;
-    double largest = -INFINITY;
-    for (const double p : *m.polarization) largest = std::max(largest, p);
-    constexpr double si = 1e-2, close = 0.02;
-    const bool holds = std::abs(largest / si - *figure->number) <= close * std::abs(*figure->number);
-    m.say(holds ? "check" : "warning", "the largest polarization is " + number_text(largest / si) +
-                                           " uC/cm2 in the rows, and " + figure->text +
-                                           " by Vision's own figure (PMax)");
-  }
-}
-
-void take_leakage(TesterTable& table, Measured& m) {
-  m.time = demand_column(table, "Time", Quantity::time);
-  m.voltage = demand_column(table, "Volts", Quantity::voltage, "V");
-  m.current = demand_column(table, "Measured Current", Quantity::current, "A");
-  m.conducts = true;
 }
 
 void take_leakage_steps(TesterTable& table, Measured& m, const Specimen& specimen) {
@@ -149,7 +113,7 @@ Measured measured_of(TesterTable& table, const Specimen& specimen) {
       take_pulses(table, m);
       break;
     case Measurement::leakage:
-      take_leakage(table, m);
+      take_radiant_leakage(table, m);
       break;
     case Measurement::leakage_steps:
       take_leakage_steps(table, m, specimen);
@@ -161,7 +125,7 @@ Measured measured_of(TesterTable& table, const Specimen& specimen) {
   take_others(table, m);
   demand_rising_time(m);
   take_flags(table, m);
-  check_radiant(table, m);
+  check_radiant(table, m, specimen);
   for (const std::string_view key : {"Hysteresis Amplitude", "Volts"})
     if (!m.amplitude && table.kind != Measurement::leakage) m.amplitude = number_in(table, key);
   m.frequency = number_in(table, "Hysteresis Frequency");

@@ -49,7 +49,7 @@ void take_charge(Measured& m, Specimen& specimen, nlohmann::json& device) {
 // An integral of a current with an offset drifts; so does what leaks.
 void check_closure(Measured& m) {
   const auto& charge = m.channel(Channel::charge);
-  if (!charge || !m.current || charge->empty()) return;
+  if (!charge || !m.current || charge->empty() || !m.blocks.empty()) return;
   const auto [low, high] = std::ranges::minmax(*charge);
   const double drift = charge->back() - charge->front(), duration = m.time.back() - m.time.front();
   constexpr double small = 0.01;

@@ -11,7 +11,7 @@
 namespace ferrobench::recordings {
 namespace {
 
-constexpr double close_enough = 5e-3;
+constexpr double lengths_close = 5e-3;
 
 std::optional<double> length_in(const TesterTable& table, std::string_view key, Quantity quantity) {
   const auto value = table.find(key);
@@ -42,7 +42,7 @@ struct Wanted {
 
 std::optional<double> settle(const std::optional<double>& given, const std::optional<double>& stated,
                              const std::string& what, bool area, Findings& findings) {
-  if (given && stated && std::abs(*given - *stated) > close_enough * *stated)
+  if (given && stated && std::abs(*given - *stated) > lengths_close * *stated)
     findings.push_back({"warning", "the " + what + " is " + in_m(*given, area) + " as given; the file says " +
                                        in_m(*stated, area)});
   if (!given && stated)
@@ -69,11 +69,10 @@ KnownSpecimen specimen_in_header(const TesterTable& table) {
 }
 
 Specimen settle_specimen(const KnownSpecimen& given, const KnownSpecimen& stated, bool demand_length,
-                         Findings& findings) {
+                         Findings& findings, std::vector<Problem>& problems) {
   const auto area = settle(given.area, stated.area, "electrode's area", true, findings);
   const auto thickness =
       settle(given.layer_thickness, stated.layer_thickness, "layer's thickness", false, findings);
-  std::vector<Problem> problems;
   const auto demand = [&](const std::optional<double>& value, const Wanted& wanted) {
     if (!value)
       problems.push_back({.path = std::string(wanted.path),
@@ -86,15 +85,23 @@ Specimen settle_specimen(const KnownSpecimen& given, const KnownSpecimen& stated
   demand(area, {"/area_m2", "m^2", "the area of one layer's electrode"});
   demand(thickness,
          {"/layer_thickness_m", "m", "the thickness of one layer: it turns a voltage into a field"});
-  if (!problems.empty())
-    throw Error(ErrorCode::invalid_params, "the specimen must be known", std::move(problems));
   const auto layers = given.layer_count.value_or(stated.layer_count.value_or(1));
-  const auto length = given.length.value_or(static_cast<double>(layers) * *thickness);
+  const auto length = given.length.value_or(static_cast<double>(layers) * thickness.value_or(1));
   if (!given.length)
     findings.push_back({"note", "the length is taken for that of its " +
                                     (layers == 1 ? "one layer" : std::to_string(layers) + " layers") + ", " +
                                     in_m(length, false)});
-  return {given.name.empty() ? stated.name : given.name, length, *area, *thickness, layers};
+  return {given.name.empty() ? stated.name : given.name, length, area.value_or(1), thickness.value_or(1),
+          layers};
+}
+
+Specimen settle_specimen(const KnownSpecimen& given, const KnownSpecimen& stated, bool demand_length,
+                         Findings& findings) {
+  std::vector<Problem> problems;
+  auto out = settle_specimen(given, stated, demand_length, findings, problems);
+  if (!problems.empty())
+    throw Error(ErrorCode::invalid_params, "the specimen must be known", std::move(problems));
+  return out;
 }
 
 }  // namespace ferrobench::recordings

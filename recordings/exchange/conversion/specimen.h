@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "base/error.h"
 #include "recordings/exchange/conversion/measured.h"
 #include "recordings/exchange/testers/tester_table.h"
 
@@ -24,5 +25,8 @@ KnownSpecimen specimen_in_header(const TesterTable& table);
 // where nobody says another one, unless `demand_length`. What was taken from where goes into `findings`.
 Specimen settle_specimen(const KnownSpecimen& given, const KnownSpecimen& stated, bool demand_length,
                          Findings& findings);
+// The same, for who has more to complain of: with ones in place of what is missing.
+Specimen settle_specimen(const KnownSpecimen& given, const KnownSpecimen& stated, bool demand_length,
+                         Findings& findings, std::vector<Problem>& problems);
 
 }  // namespace ferrobench::recordings
