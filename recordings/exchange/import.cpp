@@ -104,6 +104,8 @@ CsvImport with_map(const CsvImport& import, const EasyExpertRecord& record) {
   out.time = ColumnMap{.column = record.time, .unit = "s"};
   if (!record.voltage.empty()) out.field = ColumnMap{.column = record.voltage, .unit = "V"};
   if (!record.current.empty()) out.current = ColumnMap{.column = record.current, .unit = "A"};
+  // What flows out of a channel counts as positive there: through the specimen it flows into that one.
+  if (record.crossed && out.current) out.current->scale = -1;
   return out;
 }
 

@@ -29,7 +29,7 @@ struct FoundRow {
 template <class Visitor>
 void describe(Visitor& visit, FoundRow& f) {
   visit("recording", f.recording, {.doc = "name"});
-  visit("kind", f.kind, {.doc = "note, check, warning, flag (of the tester), pause or gap"});
+  visit("kind", f.kind, {.doc = "note, check, warning, flag (of the tester), pulse or gap"});
   visit("message", f.message, {});
 }
 

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "base/number_text.h"
-#include "recordings/analysis/statistics.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -146,55 +145,22 @@ void check_voltage(Measured& m) {
                          number_text(*m.amplitude) + " V that were asked for");
 }
 
-void check_duration(Measured& m) {
-  if (!m.frequency || !(*m.frequency > 0) || m.time.size() < 3 || !m.blocks.empty()) return;
-  constexpr double part = 0.01;
-  const auto rows = static_cast<double>(m.time.size());
-  const double duration = m.time.back() - m.time.front();
-  const double periods = duration * *m.frequency;
-  // Testers count the last point of a period or leave it out.
-  const double share = std::abs(periods - std::round(periods)) / std::max(1.0, periods);
-  if (std::round(periods) >= 1 && share <= part + 1.5 / rows) return;
-  m.say("warning", "a loop at " + number_text(*m.frequency) + " Hz lasts " + number_text(1 / *m.frequency) +
-                       " s, and these samples span " + number_text(duration) +
-                       " s: some are missing, or the header is not theirs");
-}
-
-namespace {
-
-void find_spikes(Measured& m, const std::string& name, std::span<const double> x) {
-  const auto range = range_of(x);
-  if (x.size() < 8 || !(range.span() > 0)) return;
-  const auto bend = [&](std::size_t i) { return x[i] - 0.5 * (x[i - 1] + x[i + 1]); };
-  Values bends;
-  for (std::size_t i = 1; i + 1 < x.size(); ++i) bends.push_back(std::abs(bend(i)));
-  std::erase_if(bends, [](double b) { return !std::isfinite(b); });
-  if (bends.empty()) return;
-  constexpr double usual = 20, share = 0.02, lone = 0.3;
-  const double least = std::max(usual * median(bends), share * range.span());
-  std::size_t found = 0, first = 0;
-  for (std::size_t i = 2; i + 2 < x.size(); ++i) {
-    const double b = bend(i);
-    // A turn bends once; one sample beside the others bends both of its neighbours half as far back.
-    const auto back = [&](std::size_t k) { return std::abs(bend(k) + 0.5 * b) < lone * std::abs(b); };
-    if (std::abs(b) > least && back(i - 1) && back(i + 1) && found++ == 0) first = i;
+void check_energy(Measured& m) {
+  const auto& charge = m.channel(Channel::charge);
+  const auto& field = m.channel(Channel::field);
+  if (!charge || !field || !m.current || m.conducts) return;
+  double work = 0;
+  for (std::size_t i = 1; i < charge->size(); ++i) {
+    const double step = 0.5 * ((*field)[i] + (*field)[i - 1]) * ((*charge)[i] - (*charge)[i - 1]);
+    if (std::isfinite(step)) work += step;
   }
-  if (found == 0) return;
+  constexpr double clearly = 0.05;
+  const double most = range_of(*field).span() * range_of(*charge).span();
+  if (!(work < -clearly * most)) return;
   m.say("warning",
-        (found == 1 ? "one sample of the " : std::to_string(found) + " samples of the ") + name +
-            (found == 1 ? " lies" : " lie") + " far beside both neighbours, in " + m.place(first) + ": " +
-            number_text(x[first]),
-        m.time[first]);
-}
-
-}  // namespace
-
-void check_spikes(Measured& m) {
-  if (m.voltage) find_spikes(m, "voltage", *m.voltage);
-  for (const auto channel : all_channels)
-    if (const auto& values = m.channel(channel)) find_spikes(m, std::string(channel_name(channel)), *values);
-  // What a polarization follows from has a better check.
-  if (m.current && !m.polarization) find_spikes(m, "current", *m.current);
+        "the charge runs against the field: a specimen would give energy, loop by loop. The current has the "
+        "sign of "
+        "the other electrode; a scale of -1 turns it");
 }
 
 }  // namespace ferrobench::recordings

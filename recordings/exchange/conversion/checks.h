@@ -27,9 +27,7 @@ std::int64_t check_polarization(Measured& m, const Specimen& specimen);
 void check_charge(Measured& m);
 // The middle and the half of the voltage's range against the amplitude asked for.
 void check_voltage(Measured& m);
-// One loop lasts 1/f.
-void check_duration(Measured& m);
-// Single samples that lie far beside their neighbours, in the columns that nothing else can tell of.
-void check_spikes(Measured& m);
+// The integral of E dQ: a specimen takes energy.
+void check_energy(Measured& m);
 
 }  // namespace ferrobench::recordings

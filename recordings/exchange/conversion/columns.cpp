@@ -39,7 +39,7 @@ void take_pulses(TesterTable& table, Measured& m) {
     if (sequence && i == 0) text += ", sequence " + sequence->text;
     if (row > 0 && m.time[row] > m.time[row - 1])
       text += ", after " + number_text(m.time[row] - m.time[row - 1]) + " s without samples";
-    m.say("pause", text, m.time[row]);
+    m.say("pulse", text, m.time[row]);
   }
 }
 
@@ -89,6 +89,21 @@ void take_flags(const TesterTable& table, Measured& m) {
     m.say("flag", "Measurement Status: " + number_text(*status));
 }
 
+// Cls and Epsls are one slope of the loop, as a capacitance and as a permittivity: between them lie the
+// specimen's area and thickness.
+void check_permittivity(const TesterTable& table, Measured& m, const Specimen& specimen) {
+  constexpr double vacuum = 8.8541878128e-12;  // F/m
+  constexpr double exact = 5e-3;
+  const auto capacitance = number_in(table, "Cls"), permittivity = number_in(table, "Epsls");
+  if (!capacitance || !permittivity || !(*capacitance > 0) || !(*permittivity > 0)) return;
+  const double stated = *capacitance / (*permittivity * vacuum),
+               own = specimen.area / specimen.layer_thickness;
+  const bool holds = std::abs(stated / own - 1) < exact;
+  m.say(holds ? "check" : "warning", "area over thickness is " + number_text(own) + " m, and " +
+                                         number_text(stated) + " m by the tester's Cls and Epsls" +
+                                         (holds ? ": so the thickness holds" : ""));
+}
+
 }  // namespace
 
 Measured measured_of(TesterTable& table, const Specimen& specimen) {
@@ -126,6 +141,7 @@ Measured measured_of(TesterTable& table, const Specimen& specimen) {
   demand_rising_time(m);
   take_flags(table, m);
   check_radiant(table, m, specimen);
+  check_permittivity(table, m, specimen);
   for (const std::string_view key : {"Hysteresis Amplitude", "Volts"})
     if (!m.amplitude && table.kind != Measurement::leakage) m.amplitude = number_in(table, key);
   m.frequency = number_in(table, "Hysteresis Frequency");

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "recordings/exchange/findings.h"
+#include "recordings/exchange/testers/findings.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::recordings {

@@ -9,6 +9,7 @@
 #include "base/number_text.h"
 #include "recordings/analysis/segments.h"
 #include "recordings/exchange/conversion/checks.h"
+#include "recordings/exchange/conversion/sample_checks.h"
 #include "recordings/exchange/conversion/units_of_columns.h"
 #include "recordings/format/iso_time.h"
 
@@ -86,9 +87,11 @@ Imported recording_of(Measured&& m, Specimen specimen, const Identity& identity,
   check_spikes(m);
   check_voltage(m);
   check_duration(m);
+  check_steps(m);
   const bool measured_charge = m.channel(Channel::charge).has_value();
   take_charge(m, specimen, device);
   check_closure(m);
+  check_energy(m);
   count_gaps(m);
 
   Imported out;

@@ -24,6 +24,7 @@ struct EasyExpertRecord {
   bool named = false;
   // By the operation modes of the channels, those of the record before where this one says none.
   std::string time{}, voltage{}, current{};
+  bool crossed = false;  // the current is that of another channel than the voltage
   Findings findings{};
 };
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "recordings/exchange/findings.h"
+#include "recordings/exchange/testers/findings.h"
 
 namespace ferrobench::recordings {
 

@@ -10,7 +10,7 @@ namespace ferrobench::recordings {
 
 struct Finding {
   // note: what was taken for what; check: two sources of one fact, and they agree; warning: what whoever uses
-  // the recording should know; flag: of the tester; pause, gap: samples that are not there
+  // the recording should know; flag: of the tester; pulse: where one begins; gap: values that are not there
   std::string kind;
   std::string message;
   double time = 0;  // s, where it belongs to a moment
