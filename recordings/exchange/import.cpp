@@ -1,9 +1,5 @@
 #include "recordings/exchange/import.h"
 
-#include <algorithm>
-#include <array>
-
-#include "base/delimited_text.h"
 #include "base/number_text.h"
 #include "recordings/exchange/conversion/columns.h"
 #include "recordings/exchange/testers/aixacct.h"
@@ -93,6 +89,13 @@ std::vector<Imported> of_tester(const CsvImport& import, SourceKind kind, std::v
   return out;
 }
 
+// Of a text that has neither a count of rows nor an end of its own.
+void look_at_the_end(std::string_view text, Findings& findings) {
+  if (text.find('\n') != std::string_view::npos && !text.ends_with('\n'))
+    findings.push_back(
+        {"warning", "the last line has no end, as the others have: whether it is whole cannot be told"});
+}
+
 // The columns of a record as a map, unless the user says one.
 CsvImport with_map(const CsvImport& import, const EasyExpertRecord& record) {
   auto out = import;
@@ -115,6 +118,7 @@ std::vector<Imported> of_easyexpert(const CsvImport& import, SourceKind kind, co
   for (std::size_t i = 0; i < records.size(); ++i) {
     const auto& record = records[i];
     auto findings = record.findings;
+    if (!record.named) look_at_the_end(import.csv, findings);
     for (std::size_t k = 0; k < i; ++k)
       if (records[k].rows == record.rows)
         findings.push_back({"warning", "it has the same rows as table " + std::to_string(k + 1) +
@@ -135,81 +139,7 @@ std::vector<Imported> of_easyexpert(const CsvImport& import, SourceKind kind, co
   return out;
 }
 
-// What a spreadsheet or a logger writes: at least two of the first lines hold several cells.
-bool looks_like_a_table(std::string_view text) {
-  constexpr std::size_t looked_at = 1u << 16;
-  const auto control = [](char c) {
-    return static_cast<unsigned char>(c) < 0x20 && c != '\t' && c != '\r' && c != '\n';
-  };
-  const auto start = text.substr(0, looked_at);
-  if (std::ranges::any_of(start, control)) return false;
-  std::vector<Problem> ignored;
-  constexpr std::size_t most = 4;
-  DelimitedText table(start, {}, "", ignored, most);
-  int rows = table.names().empty() ? 0 : 1;
-  while (rows < 2 && table.next()) ++rows;
-  return rows >= 2;
-}
-
 }  // namespace
-
-std::span<const std::pair<SourceKind, std::string_view>> enum_names(SourceKind) {
-  static constexpr std::array<std::pair<SourceKind, std::string_view>, 5> names{
-      {{SourceKind::aixacct, "aixacct"},
-       {SourceKind::radiant, "radiant"},
-       {SourceKind::easyexpert, "b1500"},
-       {SourceKind::data_values, "datavalue"},
-       {SourceKind::csv, "csv"}}};
-  return names;
-}
-
-std::string_view what_it_is(SourceKind kind) {
-  switch (kind) {
-    case SourceKind::aixacct:
-      return "an ASCII export of an aixACCT tester";
-    case SourceKind::radiant:
-      return "a text export of Radiant Vision";
-    case SourceKind::easyexpert:
-      return "a CSV export of Keysight EasyEXPERT";
-    case SourceKind::data_values:
-      return "DataValue rows without a header";
-    case SourceKind::csv:
-      return "a table in text";
-  }
-  return "";
-}
-
-SourceKind detect_kind(std::string_view text) {
-  std::vector<SourceKind> found;
-  if (looks_like_aixacct(text)) found.push_back(SourceKind::aixacct);
-  if (looks_like_radiant(text)) found.push_back(SourceKind::radiant);
-  if (looks_like_easyexpert(text)) found.push_back(SourceKind::easyexpert);
-  if (looks_like_data_values(text)) found.push_back(SourceKind::data_values);
-  // The first line tells of a tester; what follows may be another one's.
-  constexpr std::string_view row = "\nDataValue,", quotes = "\xbb\xbb\xbb";
-  const auto add = [&](SourceKind kind, bool seen) {
-    if (seen && std::ranges::find(found, kind) == found.end()) found.push_back(kind);
-  };
-  if (found.size() == 1) {
-    const bool easy = found[0] == SourceKind::easyexpert || found[0] == SourceKind::data_values;
-    add(SourceKind::data_values, !easy && text.find(row) != std::string_view::npos);
-    add(SourceKind::radiant, text.find(quotes) != std::string_view::npos);
-  }
-  if (found.empty() && looks_like_a_table(text)) found.push_back(SourceKind::csv);
-  if (found.size() == 1) return found.front();
-  auto allowed = json::array();
-  for (const auto& [kind, name] : enum_names(SourceKind{})) allowed.push_back(name);
-  std::string seen = text.empty() ? "it is empty" : "it is none of the kinds that are read here";
-  for (const auto kind : found)
-    seen = (kind == found.front() ? "it looks like " : seen + ", and like ") + std::string(what_it_is(kind));
-  const auto begin = text.substr(0, text.find('\n'));
-  throw Error(ErrorCode::bad_recording, "the kind of the file cannot be told",
-              Problem{.path = "/as",
-                      .message = seen,
-                      .given = begin.empty() ? json() : json(excerpt(begin)),
-                      .allowed = allowed,
-                      .hint = "say which kind it is"});
-}
 
 std::string table_suffix(std::size_t number) {
   return (number < 10 ? "-table-0" : "-table-") + std::to_string(number);
@@ -230,9 +160,13 @@ std::vector<Imported> import_tables(const CsvImport& import, std::optional<Sourc
     case SourceKind::data_values:
       out = of_easyexpert(import, which, progress);
       break;
-    case SourceKind::csv:
-      out.push_back(import_csv_table(import, 1, {}, device_of("table in text", 1, 1), progress));
+    case SourceKind::csv: {
+      Findings findings;
+      look_at_the_end(import.csv, findings);
+      out.push_back(
+          import_csv_table(import, 1, std::move(findings), device_of("table in text", 1, 1), progress));
       break;
+    }
   }
   if (progress) progress(1);
   return out;

@@ -2,23 +2,13 @@
 #pragma once
 
 #include <optional>
-#include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "recordings/exchange/import_csv.h"
+#include "recordings/exchange/kind.h"
 
 namespace ferrobench::recordings {
-
-// csv: a table in text; data_values: EasyEXPERT's rows without its header, a table whose columns must be told
-enum class SourceKind { aixacct, radiant, easyexpert, data_values, csv };
-std::span<const std::pair<SourceKind, std::string_view>> enum_names(SourceKind);
-// "a text export of Radiant Vision"
-std::string_view what_it_is(SourceKind kind);
-
-// By its first lines. Error(bad_recording) for what is no text, and for a text that is of no kind or of two.
-SourceKind detect_kind(std::string_view text);
 
 // "-table-03": what its recording's name ends with.
 std::string table_suffix(std::size_t number);

@@ -220,7 +220,9 @@ Identity identity_of(const CsvImport& import) {
 Imported import_csv_table(const CsvImport& import, std::size_t first_line, Findings findings,
                           nlohmann::json device, const Progress& progress) {
   Specimen specimen;
+  const bool is_testers = device.contains("header");
   auto measured = Import(import, first_line, progress).read(specimen, std::move(findings));
+  measured.returns = is_testers;
   return recording_of(std::move(measured), specimen, identity_of(import), std::move(device));
 }
 

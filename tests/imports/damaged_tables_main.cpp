@@ -18,6 +18,10 @@ int main(int argc, char** argv) {
         {std::filesystem::path(argv[i]).filename().string(), {std::istreambuf_iterator<char>(in), {}}});
   }
   if (files.empty()) files = all_files();
+  // To compare a copy with.
+  std::filesystem::create_directories(argv[3]);
+  for (const auto& file : files)
+    std::ofstream(std::filesystem::path(argv[3]) / ("sound-" + file.name), std::ios::binary) << file.text;
   const auto figures = damage_tables(files, std::stoi(argv[1]), std::stoull(argv[2]), argv[3]);
   std::cout << figures;
   return figures.failures.empty() ? 0 : 1;

@@ -150,12 +150,12 @@ std::string aixacct_pulses(const Layout& layout) {
 }
 
 std::string aixacct_leakage() {
-  auto out =
-      summary("Leakage", 1) +
-      "Table 1\nSampleName: made up\nArea [mm2]: 0.01\nThickness [nm]: 200\nNumber Of Ceramic Layers: "
-      "1\nStep "
-      "Duration [s]: 2\nMax. Voltage [V]: 4.5\nMeasurement Status: 0\nVoltage [V]\tLeakage Current Density "
-      "[uA/cm2]\tMedian Current Density [uA/cm2]\t\n";
+  auto out = summary("Leakage", 1) +
+             "Table 1\nSampleName: made up\nArea [mm2]: 0.01\nThickness [nm]: 200\nNumber Of Ceramic Layers: "
+             "1\nStep "
+             "Duration [s]: 2\nMax. Voltage [V]: 4.5\nVoltage Step [V]: 0.5\nMeasurement Status: 0\nVoltage "
+             "[V]\tLeakage Current Density "
+             "[uA/cm2]\tMedian Current Density [uA/cm2]\t\n";
   for (int k = 0; k <= 36; ++k) {
     const double v = 0.5 * (k <= 9 ? k : k <= 27 ? 18 - k : k - 36);
     out += row({v, 0.02 * std::sinh(v), 0.019 * std::sinh(v)});
@@ -221,7 +221,8 @@ std::string radiant_hysteresis() {
   return out +
          "\nPMax (\xb5"
          "C/cm2):\t" +
-         number(100 * std::ranges::max(l.p)) + "\n\nHysteresis Version: 5.26.1\n";
+         number(100 * std::ranges::max(l.p)) +
+         "\nC (Max-Eff) (nF):\t4.427e-01\nK (Eff):\t1.00e+03\n\nHysteresis Version: 5.26.1\n";
 }
 
 std::string radiant_remanent() {

@@ -54,6 +54,29 @@ void take_leakage_steps(TesterTable& table, Measured& m, const Specimen& specime
                     number_text(step) + " s (Step Duration)");
 }
 
+// The program of a leakage table is in its header: from zero by even steps to both maxima and back.
+void check_staircase(const TesterTable& table, Measured& m) {
+  const auto step = number_in(table, "Voltage Step"), most = number_in(table, "Max. Voltage");
+  if (table.kind != Measurement::leakage_steps || !m.voltage || !step || !(*step > 0)) return;
+  constexpr double part = 0.2;
+  const auto& v = *m.voltage;
+  std::size_t wrong = 0, first = 0;
+  for (std::size_t i = 1; i < v.size(); ++i)
+    if (std::abs(std::abs(v[i] - v[i - 1]) - *step) > part * *step && wrong++ == 0) first = i;
+  if (wrong > 0)
+    m.say("warning",
+          std::to_string(wrong) + " steps of the voltage are not the " + number_text(*step) +
+              " V of the header (Voltage Step), first in " + m.place(first) + ": rows are missing or changed",
+          m.time[first]);
+  const auto [low, high] = std::ranges::minmax(v);
+  const bool whole = std::abs(v.back() - v.front()) < *step / 2 &&
+                     (!most || std::max(high, -low) > std::abs(*most) - *step / 2);
+  m.say(whole ? "check" : "warning",
+        whole ? "the voltage goes through all of its program and ends where it began"
+              : "the voltage does not go through all of its program: it ends at " + number_text(v.back()) +
+                    " V, so rows are missing");
+}
+
 // Readings of a fatigue test in order of their cycles, which are its time.
 void take_fatigue(TesterTable& table, Measured& m, const Specimen& specimen) {
   auto& columns = table.columns;
@@ -139,9 +162,16 @@ Measured measured_of(TesterTable& table, const Specimen& specimen) {
   }
   take_others(table, m);
   demand_rising_time(m);
+  m.returns = table.kind != Measurement::leakage && table.kind != Measurement::fatigue;
+  const bool from_zero =
+      !radiant && (table.kind == Measurement::hysteresis || table.kind == Measurement::pulses);
+  if (from_zero && m.time.front() != 0)
+    m.say("warning",
+          "the time begins at " + number_text(m.time.front()) + " s, not at zero: rows are missing");
   take_flags(table, m);
   check_radiant(table, m, specimen);
   check_permittivity(table, m, specimen);
+  check_staircase(table, m);
   for (const std::string_view key : {"Hysteresis Amplitude", "Volts"})
     if (!m.amplitude && table.kind != Measurement::leakage) m.amplitude = number_in(table, key);
   m.frequency = number_in(table, "Hysteresis Frequency");

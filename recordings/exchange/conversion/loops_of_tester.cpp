@@ -83,9 +83,11 @@ void take_tester_loop(TesterTable& table, Measured& m, const Specimen& specimen)
       if (found) loop.rms = found->rms;
     }
     constexpr double clearly = 1e-3;
-    if (best == nullptr || (best->joined && !loop.joined) ||
-        (best->joined == loop.joined && loop.rms < best->rms - clearly))
-      best = &loop;
+    const bool closer = best != nullptr && best->joined == loop.joined && loop.rms < best->rms - clearly;
+    if (closer)
+      m.say("warning", best->name() + " does not follow its current (by " + number_text(100 * best->rms) +
+                           " % of its range, rms), so " + loop.name() + " is preferred");
+    if (best == nullptr || (best->joined && !loop.joined) || closer) best = &loop;
   }
   if (best == nullptr) {
     m.voltage = demand_column(table, "V+", Quantity::voltage);  // says what there is

@@ -28,6 +28,7 @@ struct Measured {
   std::optional<double> amplitude{};  // V, of both signs
   std::optional<double> frequency{};  // Hz, of one loop
   bool conducts = false;  // the current is that through the specimen, not that of its polarization
+  bool returns = false;   // the program is a tester's, which ends where it began
   Findings findings{};
 
   std::optional<Values>& channel(Channel c) { return channels.at(static_cast<std::size_t>(c)); }

@@ -39,6 +39,36 @@ std::optional<double> header_field(const TesterTable& table) {
   return number && unit != nullptr ? std::optional(*number * unit->si) : std::nullopt;
 }
 
+// Cross-checks a capacitance and a permittivity: between them lie area and thickness.
+void check_capacitance(const TesterTable& table, Measured& m, const Specimen& specimen) {
+  constexpr double vacuum = 8.8541878128e-12;  // F/m
+  const auto capacitance = figure_of(table, "C (Max-Eff)"), permittivity = figure_of(table, "K (Eff)");
+  if (!capacitance || !permittivity || !(*capacitance > 0) || !(*permittivity > 0)) return;
+  constexpr double farad_in_nf = 1e-9;
+  compare(m, "area over thickness", specimen.area / specimen.layer_thickness,
+          *capacitance * farad_in_nf / (*permittivity * vacuum), "m",
+          "Vision's C and K: so area and thickness");
+}
+
+// Remanent = Logic 1 - Logic 0, and a constant for each half of the loop.
+void check_remanent(const TesterTable& table, Measured& m) {
+  const auto *off = table.column("Logic 0 Polarization"), *rest = table.column("Remanent Polarization");
+  if (off == nullptr || rest == nullptr || !m.polarization) return;
+  constexpr double si = 1e-2, jump = 0.01;
+  const auto& on = *m.polarization;
+  const auto [low, high] = std::ranges::minmax(on);
+  std::size_t jumps = 0, first = 0;
+  for (std::size_t i = 1; i < on.size(); ++i) {
+    const auto constant = [&](std::size_t k) { return on[k] / si - off->values[k] - rest->values[k]; };
+    if (std::abs(constant(i) - constant(i - 1)) * si > jump * (high - low) && jumps++ == 0) first = i;
+  }
+  if (jumps <= 1)
+    m.say("check", "the remanent polarization is Logic 1 less Logic 0, in each half of the loop");
+  else
+    m.say("warning", "the remanent polarization is not Logic 1 less Logic 0, first in " + m.place(first),
+          m.time[first]);
+}
+
 void check_leakage(const TesterTable& table, Measured& m, const Specimen& specimen) {
   if (!m.conducts || !m.current || m.current->empty()) return;
   const auto current = figure_of(table, "Current"), resistance = figure_of(table, "Resistance"),
@@ -61,6 +91,7 @@ void take_radiant_loop(TesterTable& table, Measured& m) {
   const auto* switching = remanent ? "Logic 1 Polarization" : "Measured Polarization";
   m.polarization = demand_column(table, switching, Quantity::polarization, "uC/cm2");
   if (remanent) {
+    check_remanent(table, m);
     m.say("note", "of the two runs the switching one, Logic 1, is the recording's; the other goes along");
     for (const std::string_view name : {"Logic 0 Polarization", "Remanent Polarization"})
       for (auto& column : table.columns)
@@ -86,6 +117,7 @@ void check_radiant(const TesterTable& table, Measured& m, const Specimen& specim
   if (const auto field = header_field(table); field && volts && volts->number)
     compare(m, "the field at " + volts->text + " V", *volts->number / specimen.layer_thickness / 1e6,
             *field / 1e6, "kV/mm", "Vision's header: so the thickness");
+  check_capacitance(table, m, specimen);
   check_leakage(table, m, specimen);
 }
 

@@ -88,6 +88,7 @@ Imported recording_of(Measured&& m, Specimen specimen, const Identity& identity,
   check_voltage(m);
   check_duration(m);
   check_steps(m);
+  check_return(m);
   const bool measured_charge = m.channel(Channel::charge).has_value();
   take_charge(m, specimen, device);
   check_closure(m);

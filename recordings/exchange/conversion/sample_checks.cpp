@@ -35,15 +35,20 @@ void find_spikes(Measured& m, const std::string& name, std::span<const double> x
   constexpr std::size_t least_rows = 16;
   if (x.size() < least_rows || std::ranges::any_of(x, [](double v) { return std::isnan(v); })) return;
   const auto [low, high] = std::ranges::minmax(x);
-  Values steps(x.size() - 1);
-  for (std::size_t i = 0; i + 1 < x.size(); ++i) steps[i] = std::abs(x[i + 1] - x[i]);
   const auto far = distances(x);
-  constexpr double share = 0.02, usual = 20, most_steps = 0.9, beyond_steps = 4;
-  const double limit =
-      std::max({share * (high - low), usual * median(far), beyond_steps * share_of(steps, most_steps)});
+  constexpr double share = 0.02, usual = 20, beyond_steps = 2.5;
+  const double limit = std::max(share * (high - low), usual * median(far));
+  // Where the values run fast, a turn lies farther from its neighbours.
+  const auto local_step = [&x](std::size_t at) {
+    constexpr std::size_t around = 5;
+    Values steps;
+    const auto end = std::min(at + around, x.size() - 1);
+    for (auto i = at - std::min(at, around); i < end; ++i) steps.push_back(std::abs(x[i + 1] - x[i]));
+    return median(std::move(steps));
+  };
   std::size_t found = 0, first = 0;
   for (std::size_t i = 0; i < far.size(); ++i)
-    if (far[i] > limit && found++ == 0) first = i;
+    if (far[i] > limit && far[i] > beyond_steps * local_step(i) && found++ == 0) first = i;
   if (found == 0) return;
   m.say("warning",
         (found == 1 ? "one sample of the " : std::to_string(found) + " samples of the ") + name +
@@ -60,12 +65,24 @@ void check_duration(Measured& m) {
   const auto rows = static_cast<double>(m.time.size());
   const double duration = m.time.back() - m.time.front();
   const double periods = duration * *m.frequency;
-  // Testers count the last point of a period or leave it out.
+  // From zero to the end of the period; testers that begin later count the last point or leave it out.
   const double share = std::abs(periods - std::round(periods)) / std::max(1.0, periods);
-  if (std::round(periods) >= 1 && share <= part + 1.5 / rows) return;
+  const double allowed = m.time.front() == 0 ? 0.4 / rows : part + 1.5 / rows;
+  if (std::round(periods) >= 1 && share <= allowed) return;
   m.say("warning", "a loop at " + number_text(*m.frequency) + " Hz lasts " + number_text(1 / *m.frequency) +
                        " s, and these samples span " + number_text(duration) +
                        " s: some are missing, or the header is not theirs");
+}
+
+void check_return(Measured& m) {
+  const auto& v = m.voltage ? m.voltage : m.channel(Channel::field);
+  if (!m.returns || !v || v->size() < 3) return;
+  const auto [low, high] = std::ranges::minmax(*v);
+  constexpr double near = 0.05;
+  if (!(std::abs(v->back() - v->front()) > near * (high - low))) return;
+  const double share = (v->back() - v->front()) / (high - low);
+  m.say("warning", "the voltage does not end where it began, but " + number_text(100 * std::abs(share)) +
+                       " % of its range " + (share > 0 ? "above" : "below") + ": was the file cut off?");
 }
 
 void check_steps(Measured& m) {
@@ -96,6 +113,7 @@ void check_spikes(Measured& m) {
   for (const auto channel : all_channels)
     if (const auto& values = m.channel(channel); values && !(channel == Channel::field && m.voltage))
       find_spikes(m, std::string(channel_name(channel)), *values);
+  if (m.polarization && !m.current) find_spikes(m, "polarization", *m.polarization);
   // What a polarization follows from has a better check.
   if (m.current && !m.polarization) find_spikes(m, "current", *m.current);
 }

@@ -40,20 +40,21 @@ std::string_view si_unit(Quantity quantity) {
   return "";
 }
 
-// "Pr+ [uC/cm2]" is "pr_plus".
+// "1-DHM Pr+" is "1_dhm_pr_plus".
 std::string plain_name(std::string_view name) {
+  constexpr std::size_t longest = 48;
   std::string out;
-  for (const char c : name) {
-    const bool letter = (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9');
-    if (letter)
+  for (std::size_t i = 0; i < std::min(name.size(), longest); ++i) {
+    const char c = name[i];
+    const bool ends = i + 1 == name.size() || name[i + 1] == ' ';
+    if ((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9'))
       out += c;
     else if (c >= 'A' && c <= 'Z')
       out += static_cast<char>(c - 'A' + 'a');
-    else if (c == '+' || c == '-')
+    else if ((c == '+' || c == '-') && ends)
       out += c == '+' ? "_plus" : "_minus";
     else if (!out.empty() && out.back() != '_')
       out += '_';
-    if (constexpr std::size_t longest = 48; out.size() > longest) break;
   }
   while (out.ends_with('_')) out.pop_back();
   return out.empty() || out == "time" ? "column" : out;

@@ -39,7 +39,7 @@ class EasyExpertFile {
         take_row(cells);
       else if (cells[0] == "DataName")
         take_names(cells);
-      else if (is_word(cells[0]) && cells.size() > 1)
+      else if (is_word(cells[0]) && cells.size() > 1 && (rows_ == 0 || cells[0] == "SetupTitle"))
         take_header(cells);
       else
         lines_.refuse("is no part of an EasyEXPERT file", lines_.text(),
@@ -83,19 +83,30 @@ class EasyExpertFile {
   }
 
   void take_row(const std::vector<std::string_view>& cells) {
-    if (rows_ == 0 && !now_.named) begin_rows();
-    if (now_.named && cells.size() != names_.size())
+    if (rows_ == 0 && !now_.named) {
+      begin_rows();
+      names_.assign(cells.size(), "");
+    }
+    if (cells.size() != names_.size())
       lines_.refuse("has " + std::to_string(cells.size()) + " columns, not " + std::to_string(names_.size()) +
-                        " as DataName",
+                        (now_.named ? " as DataName" : " as the first row"),
                     cells.back(), "the file was cut off or changed; export it once more");
+    find_copies(cells);
     compare_times(cells);
     ++rows_;
     now_.rows = text_.substr(begin_, lines_.offset() + lines_.text().size() - begin_);
   }
 
+  // Without names: columns that say the same in the first row whose time is not zero do so in all.
+  void find_copies(const std::vector<std::string_view>& cells) {
+    if (now_.named || copies_known_ || cells.size() < 2 || number_of(cells[1]) == 0) return;
+    copies_known_ = true;
+    for (std::size_t k = 2; k < cells.size(); ++k)
+      if (cells[k] == cells[1]) names_[1] = names_[k] = "copy_time";
+  }
+
   // Each channel has its own; a recording has one.
   void compare_times(const std::vector<std::string_view>& cells) {
-    if (!now_.named) return;
     std::optional<std::string_view> first;
     for (std::size_t i = 1; i < names_.size(); ++i) {
       if (!names_[i].ends_with("_time")) continue;
@@ -121,6 +132,7 @@ class EasyExpertFile {
     records_.push_back(std::move(now_));
     now_ = {};
     rows_ = differing_ = 0;
+    copies_known_ = false;
     stated_.reset();
     parameters_.clear();
   }
@@ -133,7 +145,14 @@ class EasyExpertFile {
       if (mode.ends_with("Imeas") && now_.current.empty()) now_.current = value;
       if (now_.time.empty() && std::ranges::find(names_, time) != names_.end()) now_.time = time;
     }
-    if (!now_.named || now_.time.empty()) return;
+    if (!now_.named) {
+      if (differing_ > 0)
+        now_.findings.push_back({"warning", "columns that are the same in the first row differ in " +
+                                                std::to_string(differing_) + " others, first in line " +
+                                                std::to_string(differs_at_)});
+      return;
+    }
+    if (now_.time.empty()) return;
     now_.crossed = !now_.voltage.empty() && !now_.current.empty();
     if (now_.crossed)
       now_.findings.push_back(
@@ -156,6 +175,7 @@ class EasyExpertFile {
   std::vector<std::string> names_, parameters_;
   std::map<std::string, std::string> modes_;
   std::optional<double> stated_;
+  bool copies_known_ = false;
   std::size_t rows_ = 0, begin_ = 0, differing_ = 0, differs_at_ = 0;
 };
 
