@@ -114,13 +114,13 @@ Heading underscored(std::string_view text) {
 
 }  // namespace
 
-const KnownUnit* find_unit(std::string_view given, std::span<const Quantity> quantities) {
-  std::string text(trimmed(given));
-  for (const std::string_view micro : {"\xc2\xb5", "\xce\xbc", "\xb5"}) replace_all(text, micro, "u");
-  replace_all(text, "_per_", "/");
-  replace_all(text, "\xc2\xb2", "^2");
-  if (text.ends_with("m2")) text.insert(text.size() - 1, "^");
-  const auto found = std::ranges::find(units, text, &KnownUnit::text);
+const KnownUnit* find_unit(std::string_view text, std::span<const Quantity> quantities) {
+  std::string plain(trimmed(text));
+  for (const std::string_view micro : {"\xc2\xb5", "\xce\xbc", "\xb5"}) replace_all(plain, micro, "u");
+  replace_all(plain, "_per_", "/");
+  replace_all(plain, "\xc2\xb2", "^2");
+  if (plain.ends_with("m2")) plain.insert(plain.size() - 1, "^");
+  const auto found = std::ranges::find(units, plain, &KnownUnit::text);
   const bool wanted =
       found != units.end() && std::ranges::find(quantities, found->quantity) != quantities.end();
   return wanted ? &*found : nullptr;
@@ -134,8 +134,8 @@ std::vector<std::string> units_of(std::span<const Quantity> quantities) {
   return out;
 }
 
-Heading read_heading(std::string_view given) {
-  const auto text = trimmed(given);
+Heading read_heading(std::string_view text) {
+  text = trimmed(text);
   if (find_unit(text) != nullptr) return {"", std::string(text)};
   for (const std::string_view brackets : {"[]", "()"})
     if (const auto open = text.find(brackets[0]);

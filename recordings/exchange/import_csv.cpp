@@ -55,8 +55,9 @@ class Import {
     if (import_.time && import_.sample_rate)
       problems_.push_back({.path = "/sample_rate_Hz", .message = "goes without a column of the time"});
     const bool moves = map_of("displacement", import_.displacement).has_value();
+    const auto earlier = problems_.size();
     specimen = settle_specimen(given_specimen(import_), {}, moves, out_.findings, problems_);
-    const auto unknown = problems_.size();
+    const auto unknown = problems_.size() - earlier;
     thickness_ = specimen.layer_thickness;
     constexpr std::array of_time{Quantity::time}, of_current{Quantity::current},
         of_polarization{Quantity::polarization};
@@ -82,7 +83,7 @@ class Import {
       problems_.push_back(
           {.path = "/csv", .message = "has no column of a channel", .allowed = table_.names()});
     if (unknown == 0) read_rows();
-    if (!problems_.empty() && problems_.size() == unknown)
+    if (unknown > 0 && problems_.size() == unknown)
       throw Error(ErrorCode::invalid_params, "the specimen must be known", std::move(problems_));
     if (!problems_.empty())
       throw Error(ErrorCode::bad_recording, "the text is not a recording", std::move(problems_));
