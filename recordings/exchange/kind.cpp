@@ -82,8 +82,13 @@ SourceKind detect_kind(std::string_view text) {
   auto allowed = json::array();
   for (const auto& [kind, name] : enum_names(SourceKind{})) allowed.push_back(name);
   std::string seen = text.empty() ? "it is empty" : "it is none of the kinds that are read here";
-  for (const auto kind : found)
-    seen = (kind == found.front() ? "it looks like " : seen + ", and like ") + std::string(what_it_is(kind));
+  for (const auto kind : found) {
+    if (kind == found.front())
+      seen = "it looks like ";
+    else
+      seen += ", and like ";
+    seen += what_it_is(kind);
+  }
   const auto begin = text.substr(0, text.find('\n'));
   throw Error(ErrorCode::bad_recording, "the kind of the file cannot be told",
               Problem{.path = "/as",
