@@ -30,7 +30,12 @@ bool is_nan(std::string_view text) {
 
 DelimitedText::DelimitedText(std::string_view text, const TextDialect& dialect, std::string path,
                              std::vector<Problem>& problems, std::size_t most)
-    : rest_(text), path_(std::move(path)), problems_(&problems), most_(most) {
+    : rest_(text),
+      whole_(text.size()),
+      path_(std::move(path)),
+      problems_(&problems),
+      most_(most),
+      line_(dialect.first_line) {
   constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
   if (rest_.starts_with(byte_order_mark)) rest_.remove_prefix(byte_order_mark.size());
   if (dialect.decimal_comma) decimal_mark_ = *dialect.decimal_comma ? ',' : '.';
@@ -74,6 +79,10 @@ char DelimitedText::find_delimiter(std::string_view text) const {
     }
   }
   return best;
+}
+
+double DelimitedText::share_done() const {
+  return whole_ == 0 ? 1 : 1 - static_cast<double>(rest_.size()) / static_cast<double>(whole_);
 }
 
 bool DelimitedText::next() {

@@ -26,6 +26,7 @@ struct TextDialect {
   std::optional<char> delimiter{};  // ',' ';' '\t', or ' ' for any white space
   std::optional<bool> decimal_comma{};
   std::optional<bool> names{};  // whether the first row holds them
+  std::size_t first_line = 1;   // of the text in its file, for messages
 };
 
 class DelimitedText {
@@ -41,6 +42,7 @@ class DelimitedText {
   }  // of the first row; of names, without empty ones at the end
   char delimiter() const { return delimiter_; }
 
+  double share_done() const;  // of the text, 0 to 1
   bool next();  // false at the end; a row with more or fewer cells than the first one is passed over
   std::size_t line() const { return row_line_; }  // where the row begins, from 1
   std::string_view text(std::size_t column) const { return cells_[column]; }
@@ -66,6 +68,7 @@ class DelimitedText {
   char find_delimiter(std::string_view text) const;
 
   std::string_view rest_;
+  std::size_t whole_ = 0;  // bytes
   std::string path_;
   std::vector<Problem>* problems_;
   std::size_t most_;

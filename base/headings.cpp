@@ -6,7 +6,7 @@
 namespace ferrobench {
 namespace {
 
-constexpr std::array<KnownUnit, 34> units{{
+constexpr std::array<KnownUnit, 57> units{{
     {"s", Quantity::time, 1},
     {"ms", Quantity::time, 1e-3},
     {"us", Quantity::time, 1e-6},
@@ -39,6 +39,29 @@ constexpr std::array<KnownUnit, 34> units{{
     {"uN", Quantity::force, 1e-6},
     {"kN", Quantity::force, 1e3},
     {"MN", Quantity::force, 1e6},
+    {"A", Quantity::current, 1},
+    {"mA", Quantity::current, 1e-3},
+    {"uA", Quantity::current, 1e-6},
+    {"nA", Quantity::current, 1e-9},
+    {"pA", Quantity::current, 1e-12},
+    {"A/m^2", Quantity::current_density, 1},
+    {"A/cm^2", Quantity::current_density, 1e4},
+    {"mA/cm^2", Quantity::current_density, 1e1},
+    {"uA/cm^2", Quantity::current_density, 1e-2},
+    {"nA/cm^2", Quantity::current_density, 1e-5},
+    {"C/m^2", Quantity::polarization, 1},
+    {"mC/m^2", Quantity::polarization, 1e-3},
+    {"uC/m^2", Quantity::polarization, 1e-6},
+    {"C/cm^2", Quantity::polarization, 1e4},
+    {"uC/cm^2", Quantity::polarization, 1e-2},
+    {"nC/cm^2", Quantity::polarization, 1e-5},
+    {"m^2", Quantity::area, 1},
+    {"cm^2", Quantity::area, 1e-4},
+    {"mm^2", Quantity::area, 1e-6},
+    {"um^2", Quantity::area, 1e-12},
+    {"nm^2", Quantity::area, 1e-18},
+    {"Volts", Quantity::voltage, 1},
+    {"Amps", Quantity::current, 1},
     {"sec", Quantity::time, 1},
     {"seconds", Quantity::time, 1},
 }};
@@ -91,11 +114,13 @@ Heading underscored(std::string_view text) {
 
 }  // namespace
 
-const KnownUnit* find_unit(std::string_view given, std::span<const Quantity> quantities) {
-  std::string text(trimmed(given));
-  for (const std::string_view micro : {"\xc2\xb5", "\xce\xbc", "\xb5"}) replace_all(text, micro, "u");
-  replace_all(text, "_per_", "/");
-  const auto found = std::ranges::find(units, text, &KnownUnit::text);
+const KnownUnit* find_unit(std::string_view text, std::span<const Quantity> quantities) {
+  std::string plain(trimmed(text));
+  for (const std::string_view micro : {"\xc2\xb5", "\xce\xbc", "\xb5"}) replace_all(plain, micro, "u");
+  replace_all(plain, "_per_", "/");
+  replace_all(plain, "\xc2\xb2", "^2");
+  if (plain.ends_with("m2")) plain.insert(plain.size() - 1, "^");
+  const auto found = std::ranges::find(units, plain, &KnownUnit::text);
   const bool wanted =
       found != units.end() && std::ranges::find(quantities, found->quantity) != quantities.end();
   return wanted ? &*found : nullptr;
@@ -109,8 +134,8 @@ std::vector<std::string> units_of(std::span<const Quantity> quantities) {
   return out;
 }
 
-Heading read_heading(std::string_view given) {
-  const auto text = trimmed(given);
+Heading read_heading(std::string_view text) {
+  text = trimmed(text);
   if (find_unit(text) != nullptr) return {"", std::string(text)};
   for (const std::string_view brackets : {"[]", "()"})
     if (const auto open = text.find(brackets[0]);

@@ -12,7 +12,19 @@
 
 namespace ferrobench {
 
-enum class Quantity { time, field, voltage, charge, displacement, force };
+enum class Quantity {
+  time,
+  field,
+  voltage,
+  charge,
+  displacement,
+  force,
+  current,
+  current_density,
+  polarization,
+  area
+};
+// What a heading may say that nobody asked for one of. The rest must be asked for: "loop A" is no current.
 inline constexpr std::array<Quantity, 6> every_quantity{Quantity::time,         Quantity::field,
                                                         Quantity::voltage,      Quantity::charge,
                                                         Quantity::displacement, Quantity::force};

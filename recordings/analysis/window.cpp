@@ -48,6 +48,7 @@ Recording window(Recording r, std::optional<double> from, std::optional<double> 
   for (auto& t : r.time) t -= start;
   for (auto& channel : r.channels)
     if (channel) keep(*channel, first, last);
+  for (auto& other : r.others) keep(other.values, first, last);
   if (r.raw) {
     const auto width = r.raw->columns.size();
     keep(r.raw->counts, first * width, last * width);

@@ -1,15 +1,12 @@
 #include "recordings/exchange/import_csv.h"
 
 #include <algorithm>
-#include <boost/uuid/random_generator.hpp>
-#include <boost/uuid/uuid_io.hpp>
 #include <cmath>
 #include <optional>
 
 #include "base/delimited_text.h"
 #include "base/headings.h"
-#include "recordings/analysis/segments.h"
-#include "recordings/format/iso_time.h"
+#include "recordings/exchange/look.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -43,40 +40,65 @@ struct Source {
 
 class Import {
  public:
-  explicit Import(const CsvImport& import)
-      : import_(import), table_(import.csv, dialect_of(import), "/csv", problems_, most_told) {}
+  Import(const CsvImport& import, std::size_t first_line, const Progress& progress)
+      : import_(import),
+        progress_(progress),
+        table_(import.csv, dialect_of(import, first_line), "/csv", problems_, most_told) {}
 
-  Recording read() {
-    by_names_ = !import_.time && !import_.sample_rate;
+  // `specimen` is settled on the way: a voltage is a field only with the thickness.
+  Measured read(Specimen& specimen, Findings findings) {
+    out_.findings = std::move(findings);
     const std::array<const std::optional<ColumnMap>*, 5> maps{
         &import_.command, &import_.field, &import_.charge, &import_.displacement, &import_.force};
-    for (const auto* map : maps) by_names_ = by_names_ && !*map;
+    by_names_ = !import_.time && !import_.sample_rate && !import_.current && !import_.polarization &&
+                std::ranges::none_of(maps, [](const auto* map) { return map->has_value(); });
     if (import_.time && import_.sample_rate)
       problems_.push_back({.path = "/sample_rate_Hz", .message = "goes without a column of the time"});
-    const std::array time_units{Quantity::time};
+    const bool moves = map_of("displacement", import_.displacement).has_value();
+    const auto earlier = problems_.size();
+    specimen = settle_specimen(given_specimen(import_), {}, moves, out_.findings, problems_);
+    const auto unknown = problems_.size() - earlier;
+    thickness_ = specimen.layer_thickness;
+    constexpr std::array of_time{Quantity::time}, of_current{Quantity::current},
+        of_polarization{Quantity::polarization};
     if (const auto map = map_of("time", import_.time))
-      want("time", *map, time_units, out_.time);
+      want("time", *map, of_time, out_.time);
     else if (!import_.sample_rate)
       problems_.push_back({.path = "/time",
                            .message = "is missing",
+                           .given = what_columns_hold(import_.csv, table_),
                            .allowed = table_.names(),
                            .hint = "name the column of the time, or give sample_rate_Hz"});
     for (const auto channel : all_channels)
       if (const auto map = map_of(channel_name(channel), *maps.at(static_cast<std::size_t>(channel))))
-        want(std::string(channel_name(channel)), *map, quantities_of(channel), out_.set(channel));
-    const bool measured = std::ranges::any_of(all_channels, [this](Channel c) { return out_.has(c); });
-    if (!measured && problems_.empty())
+        want(std::string(channel_name(channel)), *map, quantities_of(channel),
+             out_.channel(channel).emplace());
+    if (const auto map = map_of("current", import_.current))
+      want("current", *map, of_current, out_.current.emplace());
+    if (const auto map = map_of("polarization", import_.polarization))
+      want("polarization", *map, of_polarization, out_.polarization.emplace());
+    const bool measured = out_.current || out_.polarization ||
+                          std::ranges::any_of(out_.channels, [](const auto& c) { return c.has_value(); });
+    if (!measured && problems_.size() == unknown)
       problems_.push_back(
           {.path = "/csv", .message = "has no column of a channel", .allowed = table_.names()});
-    read_rows();
+    if (unknown == 0) read_rows();
+    if (unknown > 0 && problems_.size() == unknown)
+      throw Error(ErrorCode::invalid_params, "the specimen must be known", std::move(problems_));
     if (!problems_.empty())
       throw Error(ErrorCode::bad_recording, "the text is not a recording", std::move(problems_));
+    out_.place_of = [lines = std::move(lines_)](std::size_t row) {
+      return "line " + std::to_string(row < lines.size() ? lines[row] : 0);
+    };
     return std::move(out_);
   }
 
  private:
-  static TextDialect dialect_of(const CsvImport& import) {
-    TextDialect out{.delimiter = {}, .decimal_comma = import.decimal_comma, .names = import.header};
+  static TextDialect dialect_of(const CsvImport& import, std::size_t first_line) {
+    TextDialect out{.delimiter = {},
+                    .decimal_comma = import.decimal_comma,
+                    .names = import.header,
+                    .first_line = first_line};
     if (import.delimiter)
       for (const auto& [delimiter, text] : enum_names(Delimiter{}))
         if (delimiter == *import.delimiter) out.delimiter = text[0];
@@ -138,7 +160,7 @@ class Import {
     const auto text = given ? map.unit : read_heading(table_.names()[at]).unit;
     if (text.empty()) return 1;
     if (const auto* unit = find_unit(text, quantities))
-      return unit->quantity == Quantity::voltage ? unit->si / import_.layer_thickness : unit->si;
+      return unit->quantity == Quantity::voltage ? unit->si / thickness_ : unit->si;
     problems_.push_back(
         {.path = "/" + what + (given ? "/unit" : "/column"),
          .message = (given ? "" : table_.column_name(at) + ": ") + "is not a unit that is understood here",
@@ -149,24 +171,30 @@ class Import {
   }
 
   void read_rows() {
+    constexpr std::size_t rows_between_reports = 20000;
     auto& time = out_.time;
     while (table_.next()) {
       for (const auto& s : sources_) s.values->push_back(s.offset + s.scale * table_.number(s.at));
       if (import_.sample_rate) time.push_back(static_cast<double>(time.size()) / *import_.sample_rate);
+      lines_.push_back(static_cast<std::uint32_t>(table_.line()));
       const auto rows = time.size();
       if (rows > 0 && (std::isnan(time.back()) || (rows > 1 && !(time.back() > time[rows - 2]))))
         table_.complain("the time does not rise", "");
+      if (progress_ && rows % rows_between_reports == 0) progress_(table_.share_done());
     }
     if (out_.time.size() < 2 && problems_.empty())
       problems_.push_back({.path = "/csv", .message = "has fewer than two rows"});
   }
 
   const CsvImport& import_;
+  const Progress& progress_;
   std::vector<Problem> problems_;
   DelimitedText table_;
   bool by_names_ = false;
+  double thickness_ = 1;
   std::vector<Source> sources_;
-  Recording out_;
+  std::vector<std::uint32_t> lines_;
+  Measured out_{.time = {}};
 };
 
 }  // namespace
@@ -179,19 +207,28 @@ std::span<const std::pair<Delimiter, std::string_view>> enum_names(Delimiter) {
   return names;
 }
 
+KnownSpecimen given_specimen(const CsvImport& import) {
+  return {import.specimen, import.length, import.area, import.layer_thickness, import.layer_count};
+}
+
+Identity identity_of(const CsvImport& import) {
+  return {import.title,
+          import.source,
+          {import.spring_stiffness, import.prestress},
+          import.charge_is_absolute ? ChargeReference::absolute : ChargeReference::first_sample};
+}
+
+Imported import_csv_table(const CsvImport& import, std::size_t first_line, Findings findings,
+                          nlohmann::json device, const Progress& progress) {
+  Specimen specimen;
+  const bool is_testers = device.contains("header");
+  auto measured = Import(import, first_line, progress).read(specimen, std::move(findings));
+  measured.returns = is_testers;
+  return recording_of(std::move(measured), specimen, identity_of(import), std::move(device));
+}
+
 Recording import_csv(const CsvImport& import) {
-  auto r = Import(import).read();
-  auto& h = r.header;
-  h.title = import.title;
-  h.start_time = iso_now();
-  h.entry_identifier = to_string(boost::uuids::random_generator()());
-  h.device = {{"driver", "import"}, {"source", import.source}};
-  h.specimen = {import.specimen, import.length, import.area, import.layer_thickness, import.layer_count};
-  h.load = {import.spring_stiffness, import.prestress};
-  h.charge_reference = import.charge_is_absolute ? ChargeReference::absolute : ChargeReference::first_sample;
-  r.segments = infer_segments(r);
-  r.end_time = iso_after(h.start_time, r.time.back() - r.time.front()).value_or(h.start_time);
-  return r;
+  return import_csv_table(import, 1, {}, nlohmann::json::object()).recording;
 }
 
 }  // namespace ferrobench::recordings

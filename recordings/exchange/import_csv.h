@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "base/fields.h"
-#include "recordings/format/recording.h"
+#include "recordings/exchange/conversion/recording_of.h"
 
 namespace ferrobench::recordings {
 
@@ -42,17 +42,35 @@ struct CsvImport {
   std::optional<bool> decimal_comma{}, header{};
   // None of these: the columns that are named time, command, field, charge, displacement, force.
   std::optional<ColumnMap> time{}, command{}, field{}, charge{}, displacement{}, force{};
-  std::optional<double> sample_rate{};  // in place of time, Hz
+  std::optional<ColumnMap> current{}, polarization{};  // what a charge follows from
+  std::optional<double> sample_rate{};                 // in place of time, Hz
   std::string specimen{};
-  double length = 0, area = 0, layer_thickness = 0;
-  std::int64_t layer_count = 1;
+  std::optional<double> length{}, area{}, layer_thickness{};
+  std::optional<std::int64_t> layer_count{};
   double spring_stiffness = 0, prestress = 0;
   bool charge_is_absolute = false;
 };
 template <class Visitor>
 void describe(Visitor& visit, CsvImport& i) {
   constexpr FieldInfo optional_column{.doc = "column of this channel, if it was measured"};
-  visit("csv", i.csv, {.required = true, .doc = "the text: a row of names, if there are any, then numbers"});
+  visit("csv", i.csv, {.required = true, .doc = "the text: a table, or what a tester wrote"});
+  visit(
+      "length_m", i.length,
+      {.unit = "m",
+       .min = 0,
+       .exclusive_min = true,
+       .doc = "of the stack; absent, where no displacement was measured or a tester's file says the layers: "
+              "that of its layers"});
+  visit("area_m2", i.area,
+        {.unit = "m^2",
+         .min = 0,
+         .exclusive_min = true,
+         .doc = "of one layer's electrode; needed unless the file says it"});
+  visit("layer_thickness_m", i.layer_thickness,
+        {.unit = "m",
+         .min = 0,
+         .exclusive_min = true,
+         .doc = "turns a voltage into a field; needed unless the file says it"});
   visit("title", i.title, {.doc = "of the recording"});
   visit("source", i.source, {.doc = "where it comes from; kept in the recording"});
   visit("delimiter", i.delimiter, {.doc = "between cells; a space is any white space; absent: found"});
@@ -68,25 +86,26 @@ void describe(Visitor& visit, CsvImport& i) {
   visit("displacement", i.displacement, optional_column);
   visit("force", i.force, optional_column);
   visit("specimen", i.specimen, {.doc = "name"});
-  visit("length_m", i.length,
-        {.unit = "m", .min = 0, .exclusive_min = true, .required = true, .doc = "of the stack"});
-  visit(
-      "area_m2", i.area,
-      {.unit = "m^2", .min = 0, .exclusive_min = true, .required = true, .doc = "of one layer's electrode"});
-  visit("layer_thickness_m", i.layer_thickness,
-        {.unit = "m",
-         .min = 0,
-         .exclusive_min = true,
-         .required = true,
-         .doc = "turns a voltage into a field"});
-  visit("layer_count", i.layer_count, {.min = 1, .doc = "layers of the stack"});
+  visit("layer_count", i.layer_count,
+        {.min = 1, .doc = "layers of the stack; absent: as the file says, or 1"});
   visit("spring_stiffness_N_per_m", i.spring_stiffness,
         {.unit = "N/m", .min = 0, .doc = "of the spring that it works against; 0: none"});
   visit("prestress_Pa", i.prestress, {.unit = "Pa", .doc = "that it is under"});
   visit("charge_is_absolute", i.charge_is_absolute, {.doc = "false: its zero is the first sample"});
+  visit("current", i.current,
+        {.doc = "column of the current, if it was measured; without charge and polarization its integral is "
+                "the charge"});
+  visit("polarization", i.polarization, {.doc = "column of the polarization, in place of the charge"});
 }
 
-// Throws Error(bad_recording) with the lines and columns that are wrong.
+// What the user says of the specimen and the load.
+KnownSpecimen given_specimen(const CsvImport& import);
+Identity identity_of(const CsvImport& import);
+
+// The table alone. `first_line` is that of the text in its file; what is found goes into the recording and
+// into `findings`. Throws Error(bad_recording) with the lines and columns that are wrong.
+Imported import_csv_table(const CsvImport& import, std::size_t first_line, Findings findings,
+                          nlohmann::json device, const Progress& progress = nullptr);
 Recording import_csv(const CsvImport& import);
 
 }  // namespace ferrobench::recordings

@@ -13,6 +13,7 @@ void check(const std::string& path, const Begin& begin, std::uint64_t rows) {
   const hdf5::Input in(path);
   auto places = std::vector<std::string>{"/entry/data/time"};
   for (const auto channel : begin.channels) places.push_back(channel_place(channel));
+  for (const auto& column : begin.others) places.push_back(other_place(column.name));
   if (!begin.raw.empty()) places.emplace_back("/entry/instrument/raw/ai");
   for (const auto& place : places)
     if (in.numeric_size(place).rows != rows) in.fail(place, "has not the rows that were written to it");
@@ -22,7 +23,7 @@ template <class WriteRows>
 void make(const std::string& path, Existing existing, const Begin& begin, std::uint64_t rows,
           std::span<const Event> events, const Closing& closing, WriteRows&& write_rows) {
   NewFile out(path, existing);
-  OutputFile file(out, begin.header, begin.channels, begin.raw, rows);
+  OutputFile file(out, begin, rows);
   write_rows(file);
   file.write_events(events);
   file.write_closing(closing);
@@ -59,6 +60,10 @@ void pack(const Recording& recording, const std::string& path, Existing existing
   if (recording.raw) {
     begin.raw = recording.raw->columns;
     rows.counts = recording.raw->counts;
+  }
+  for (const auto& column : recording.others) {
+    begin.others.push_back(column.as);
+    rows.others.emplace_back(column.values);
   }
   make(path, existing, begin, recording.size(), recording.events,
        {recording.end_time, recording.status, recording.reason, recording.segments, recording.noise},

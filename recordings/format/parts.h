@@ -19,6 +19,7 @@ struct Rows {
   std::span<const double> time;
   std::array<std::span<const double>, 5> channels;
   std::span<const std::int16_t> counts;
+  std::vector<std::span<const double>> others{};
 };
 
 // What a recording begins with.
@@ -26,7 +27,8 @@ struct Begin {
   Header header;
   std::vector<Channel> channels;
   std::vector<RawColumn> raw;
-  std::size_t row_bytes() const { return 8 * (1 + channels.size()) + 2 * raw.size(); }
+  std::vector<ColumnName> others{};  // a journal has none
+  std::size_t row_bytes() const { return 8 * (1 + channels.size() + others.size()) + 2 * raw.size(); }
 };
 // What is known only at the end of a run.
 struct Ending {

@@ -24,6 +24,10 @@ std::string_view channel_unit(Channel channel) {
   return units.at(static_cast<std::size_t>(channel));
 }
 
+std::string other_place(const std::string& name) {
+  return "/entry/others/" + name;
+}
+
 std::string channel_place(Channel channel) {
   return "/entry/data/" + std::string(channel_name(channel));
 }

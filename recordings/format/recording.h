@@ -34,9 +34,10 @@ nlohmann::json to_json(const LoadCase& load);
 enum class Channel { command, field, charge, displacement, force };
 inline constexpr std::array<Channel, 5> all_channels{Channel::command, Channel::field, Channel::charge,
                                                      Channel::displacement, Channel::force};
-std::string_view channel_name(Channel channel);  // "command", ...
-std::string_view channel_unit(Channel channel);  // "V/m", "V/m", "C", "m", "N"
-std::string channel_place(Channel channel);      // where the file has it: "/entry/data/field", ...
+std::string_view channel_name(Channel channel);    // "command", ...
+std::string_view channel_unit(Channel channel);    // "V/m", "V/m", "C", "m", "N"
+std::string channel_place(Channel channel);        // where the file has it: "/entry/data/field", ...
+std::string other_place(const std::string& name);  // "/entry/others/current"
 
 enum class ChargeReference { absolute, first_sample };
 
@@ -68,6 +69,17 @@ struct Raw {
   std::vector<std::int16_t> counts;  // rows by columns, row after row
 };
 
+// A column beside the channels that the source of an import has: current, another tester's averages.
+struct ColumnName {
+  std::string name;       // "current": small letters, digits and underscores
+  std::string unit;       // SI, "" for a number alone
+  std::string long_name;  // as people say it
+};
+struct OtherColumn {
+  ColumnName as;
+  std::vector<double> values;  // one for each sample
+};
+
 // What is known before the first sample.
 struct Header {
   std::string title;
@@ -94,6 +106,7 @@ struct Recording {
   std::vector<Event> events;
   std::array<std::optional<double>, 5> noise;  // standard deviation in SI, by Channel
   std::optional<Raw> raw;
+  std::vector<OtherColumn> others;
 
   std::size_t size() const { return time.size(); }
   bool has(Channel c) const { return channels[static_cast<std::size_t>(c)].has_value(); }

@@ -58,6 +58,9 @@ std::string begin_text(const Begin& begin) {
   for (const auto& column : begin.raw)
     raw.push_back(
         {{"channel", channel_name(column.channel)}, {"gain", column.gain}, {"offset", column.offset}});
+  json others = json::array();
+  for (const auto& column : begin.others)
+    others.push_back({{"name", column.name}, {"unit", column.unit}, {"long_name", column.long_name}});
   return dump(
       {{"format", "ferrobench-journal"},
        {"version", 1},
@@ -73,7 +76,8 @@ std::string begin_text(const Begin& begin) {
        {"past", to_json(h.past)},
        {"charge_reference", h.charge_reference == ChargeReference::absolute ? "absolute" : "first_sample"},
        {"channels", channels},
-       {"raw", raw}});
+       {"raw", raw},
+       {"others", others}});
 }
 
 Begin begin_of(std::string_view text) {
@@ -110,6 +114,8 @@ Begin begin_of(std::string_view text) {
     for (const auto& column : given.at("raw"))
       out.raw.push_back(
           {channel_of(column.at("channel")), number_at(column, "gain"), number_at(column, "offset")});
+    for (const auto& column : given.value("others", json::array()))
+      out.others.push_back({column.at("name"), column.at("unit"), column.at("long_name")});
     return out;
   });
 }

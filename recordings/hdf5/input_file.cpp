@@ -197,6 +197,29 @@ std::vector<RawColumn> read_raw(const Input& in) {
   return columns;
 }
 
+// What another program has put there, and what is no column of ours, is left where it is.
+std::vector<ColumnName> read_others(const Input& in, std::uint64_t rows) {
+  constexpr std::size_t most = 256, longest = 64;
+  const std::string group = "/entry/others";
+  std::vector<ColumnName> out;
+  if (!in.has(group)) return out;
+  const auto is_name = [](const std::string& name) {
+    return !name.empty() && name.size() <= longest && name != "time" &&
+           name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;
+  };
+  for (const auto& name : in.text_attributes(group, "columns")) {
+    const auto place = other_place(name);
+    if (!is_name(name) || std::ranges::find(out, name, &ColumnName::name) != out.end())
+      in.fail(group + "@columns", "names a column that cannot be one, or twice");
+    if (out.size() >= most) in.fail(group + "@columns", "names more columns than are read");
+    if (const auto size = in.numeric_size(place); size.rows != rows || size.columns != 0)
+      in.fail(place, "differs in length from time");
+    out.push_back({name, in.text_attribute(place, "units").value_or(""),
+                   in.text_attribute(place, "long_name").value_or("")});
+  }
+  return out;
+}
+
 std::string read_status(const Input& in) {
   return in.text("/entry/status").value_or("complete");
 }
@@ -239,6 +262,7 @@ Frame read_hdf5(const std::string& path, double most_bytes,
   const Input in(path);
   auto f = read_frame(in);
   f.begin.raw = read_raw(in);
+  f.begin.others = read_others(in, f.rows);
   const double bytes = static_cast<double>(f.rows) * static_cast<double>(f.begin.row_bytes());
   if (bytes > most_bytes)
     in.fail("/entry/data",
@@ -266,6 +290,7 @@ Frame read_hdf5(const std::string& path, double most_bytes,
   for (const auto channel : f.begin.channels)
     column(channel_place(channel),
            [&](auto values, auto from) { demand_finite(channel, values, from, path); });
+  for (const auto& other : f.begin.others) column(other_place(other.name), [](auto&&, auto) {});
   if (!f.begin.raw.empty())
     in.counts(counts_place, f.begin.raw.size(),
               {reinterpret_cast<std::int16_t*>(to), f.rows * f.begin.raw.size()});

@@ -40,13 +40,16 @@ const char* long_name(Channel channel) {
 
 }  // namespace
 
-OutputFile::OutputFile(const NewFile& file, const Header& header, std::span<const Channel> channels,
-                       std::span<const RawColumn> raw, std::uint64_t rows)
-    : rows_(rows), raw_width_(raw.size()), target_(file), out_(create(target_, file.path()), file.path()) {
-  write_header(header);
-  make_columns(header, channels);
+OutputFile::OutputFile(const NewFile& file, const Begin& begin, std::uint64_t rows)
+    : rows_(rows),
+      raw_width_(begin.raw.size()),
+      target_(file),
+      out_(create(target_, file.path()), file.path()) {
+  write_header(begin.header);
+  make_columns(begin.header, begin.channels);
   out_.group("/entry/events", "NXcollection");
-  if (!raw.empty()) make_raw(raw);
+  if (!begin.others.empty()) make_others(begin.others);
+  if (!begin.raw.empty()) make_raw(begin.raw);
 }
 
 void OutputFile::write_header(const Header& header) {
@@ -135,6 +138,26 @@ void OutputFile::make_columns(const Header& header, std::span<const Channel> cha
   }
 }
 
+// A plot of its own, over the same time.
+void OutputFile::make_others(std::span<const ColumnName> others) {
+  const std::string group = "/entry/others";
+  out_.group(group, "NXdata");
+  std::vector<std::string> names;
+  for (const auto& column : others) {
+    const auto& [place, made] = others_.emplace_back(
+        other_place(column.name), make_column(other_place(column.name), H5T_NATIVE_DOUBLE, 0));
+    if (!column.unit.empty()) out_.attribute(place, "units", column.unit);
+    out_.attribute(place, "long_name", column.long_name);
+    names.push_back(column.name);
+  }
+  out_.attribute(group, "columns", std::span<const std::string>(names));
+  out_.attribute(group, "signal", names.front());
+  out_.attribute(group, "axes", std::string("time"));
+  out_.need(H5Lcreate_hard(out_.id(), "/entry/data/time", out_.id(), (group + "/time").c_str(), H5P_DEFAULT,
+                           H5P_DEFAULT) >= 0,
+            group + "/time");
+}
+
 void OutputFile::make_raw(std::span<const RawColumn> raw) {
   const std::string place = "/entry/instrument/raw/ai";
   out_.group("/entry/instrument/raw", "NXcollection");
@@ -188,6 +211,8 @@ void OutputFile::write(std::uint64_t first, const Rows& rows) {
     if (columns_.at(i))
       put(columns_.at(i), H5T_NATIVE_DOUBLE, 0, rows.channels.at(i).data(), channel_place(channel));
   }
+  for (std::size_t i = 0; i < others_.size(); ++i)
+    put(others_[i].second, H5T_NATIVE_DOUBLE, 0, rows.others.at(i).data(), others_[i].first);
   if (counts_) put(counts_, H5T_NATIVE_INT16, raw_width_, rows.counts.data(), "/entry/instrument/raw/ai");
   target_.check();
 }
@@ -227,6 +252,7 @@ void OutputFile::write_closing(const Closing& closing) {
 void OutputFile::close() {
   time_.close();
   for (auto& column : columns_) column.close();
+  for (auto& [place, column] : others_) column.close();
   counts_.close();
   out_.close();
   target_.check();

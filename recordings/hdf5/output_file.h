@@ -22,8 +22,7 @@ struct Closing {
 class OutputFile {
  public:
   // `rows` rows, shuffled and compressed, with checksums on its structure and data.
-  OutputFile(const NewFile& file, const Header& header, std::span<const Channel> channels,
-             std::span<const RawColumn> raw, std::uint64_t rows);
+  OutputFile(const NewFile& file, const Begin& begin, std::uint64_t rows);
 
   void write(std::uint64_t first, const Rows& rows);  // from index `first` on
   void write_events(std::span<const Event> events);
@@ -37,6 +36,7 @@ class OutputFile {
   void write_header(const Header& header);
   void write_past(const protocols::Past& past);
   void make_columns(const Header& header, std::span<const Channel> channels);
+  void make_others(std::span<const ColumnName> others);
   void make_raw(std::span<const RawColumn> raw);
   hdf5::Handle make_column(const std::string& place, hid_t type, std::size_t width);
 
@@ -47,6 +47,7 @@ class OutputFile {
   hdf5::Handle time_;
   std::array<hdf5::Handle, 5> columns_;
   hdf5::Handle counts_;
+  std::vector<std::pair<std::string, hdf5::Handle>> others_;  // with their places
 };
 
 }  // namespace ferrobench::recordings

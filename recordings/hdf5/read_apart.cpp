@@ -86,6 +86,8 @@ Recording read_apart(const std::string& path, const ReadLimits& limits) {
   SharedColumns columns(child.columns(), path);
   columns.take(r.time, f.rows);
   for (const auto channel : f.begin.channels) columns.take(r.set(channel), f.rows);
+  for (auto& other : f.begin.others)
+    columns.take(r.others.emplace_back(OtherColumn{std::move(other), {}}).values, f.rows);
   if (!f.begin.raw.empty()) {
     const auto width = f.begin.raw.size();
     columns.take(r.raw.emplace(Raw{std::move(f.begin.raw), {}}).counts, f.rows * width);

@@ -87,6 +87,7 @@ bool JournalReader::take(const RecordHead& head, std::uint64_t place, std::strin
   switch (head.kind) {
     case RecordKind::begin:
       begin_ = begin_of(payload);
+      if (!begin_.others.empty()) fail(path_, "has columns beside the channels, which no run has");
       begun_ = true;
       return true;
     case RecordKind::rows: {

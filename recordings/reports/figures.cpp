@@ -1,5 +1,6 @@
 #include "recordings/reports/figures.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -34,7 +35,18 @@ std::vector<Shown> shown_channels(const Recording& r) {
   if (r.has(Channel::displacement))
     out.push_back({"Displacement", "displacement [um]", scaled(r.at(Channel::displacement), metre_in_um)});
   if (r.has(Channel::force)) out.push_back({"Force", "force [N]", r.at(Channel::force)});
+  // A current is shown where nothing follows from it.
+  for (const auto& other : r.others)
+    if (other.as.name == "current" && !r.has(Channel::charge))
+      out.push_back({"Current", "current [A]", other.values});
   return out;
+}
+
+// A leakage current is drawn against a field only if there is more than one field.
+bool is_stepped(const std::vector<double>& field) {
+  constexpr double rests = 0.02;
+  const auto [low, high] = std::ranges::minmax(field);
+  return high - low > rests * std::max(std::abs(low), std::abs(high));
 }
 
 // Change since the start of the hold against the time since, averaged over a fortieth of a decade.
@@ -120,7 +132,7 @@ std::vector<Figure> make_figures(const Recording& r) {
   over_time("Field", "field [kV/mm]", field);
   for (const auto& channel : channels) over_time(channel.title, channel.label, channel.values);
   for (const auto& channel : channels)
-    if (channel.title != "Force")
+    if (channel.title != "Force" && (channel.title != "Current" || is_stepped(field)))
       out.push_back({.title = channel.title + " against field",
                      .x_label = "field [kV/mm]",
                      .y_label = channel.label,

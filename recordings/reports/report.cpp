@@ -16,6 +16,20 @@ void add_fact(Report& report, const std::string& name, const std::string& value)
   if (!value.empty()) report.facts.emplace_back(name, value);
 }
 
+// Films are nanometres thick, stacks are centimetres long.
+std::string size_text(double metres) {
+  if (metres >= 1e-4) return number_text(metres * 1e3) + " mm";
+  return metres >= 1e-6 ? number_text(metres / metre_in_um) + " um" : number_text(metres * 1e9) + " nm";
+}
+
+std::string layers_text(const Specimen& specimen) {
+  const auto thickness = specimen.layer_thickness < 1e-6
+                             ? size_text(specimen.layer_thickness)
+                             : number_text(specimen.layer_thickness / metre_in_um) + " um";
+  return std::to_string(specimen.layer_count) + (specimen.layer_count == 1 ? " layer of " : " layers of ") +
+         thickness;
+}
+
 Table event_table(const Recording& r) {
   Table table{.key = "events",
               .title = "Events",
@@ -63,18 +77,17 @@ Report make_report(const Recording& recording) {
     add_fact(report, "channels",
              "read up to " + number_text(skew * 1e6) + " us after their row, brought back to it");
   add_fact(report, "specimen",
-           (h.specimen.name.empty() ? "" : h.specimen.name + ": ") + number_text(h.specimen.length * 1e3) +
-               " mm long, " + number_text(h.specimen.area * 1e6) + " mm^2, " +
-               std::to_string(h.specimen.layer_count) + " layers of " +
-               number_text(h.specimen.layer_thickness / metre_in_um) + " um");
+           (h.specimen.name.empty() ? "" : h.specimen.name + ": ") + size_text(h.specimen.length) +
+               " long, " + number_text(h.specimen.area * 1e6) + " mm^2, " + layers_text(h.specimen));
   add_fact(report, "load",
            "prestress " + number_text(h.load.prestress / pascal_in_mpa) + " MPa, spring " +
                number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/um");
   if (h.past.known()) add_fact(report, "before", protocols::in_words(h.past));
   add_fact(report, "identifier", h.entry_identifier);
   const Analysis analysis(r);
-  for (auto& table : {stroke_table(analysis), hysteresis_table(analysis), rate_table(analysis),
-                      minor_loop_table(analysis), creep_table(r)})
+  for (auto& table :
+       {stroke_table(analysis), hysteresis_table(analysis), rate_table(analysis), minor_loop_table(analysis),
+        creep_table(r), pulse_table(r), leakage_table(r), fatigue_table(r)})
     if (table) report.tables.push_back(*table);
   if (!r.events.empty()) report.tables.push_back(event_table(r));
   return report;

@@ -1,4 +1,5 @@
-// What a recording shows, as tables: stroke, hysteresis, creep, rates and minor loops; and the whole as text,
+// What a recording shows, as tables: stroke, hysteresis, creep, rates, minor loops, pulses, leakage and
+// fatigue; and the whole as text,
 // Markdown, CSV, JSON or one self-contained HTML page with pictures.
 //
 // A table that the recording has nothing for (no hold, one rate only, no such channel) is left out.
@@ -31,5 +32,9 @@ std::optional<Table> hysteresis_table(const Analysis& analysis);
 std::optional<Table> creep_table(const Recording& recording);
 std::optional<Table> rate_table(const Analysis& analysis);
 std::optional<Table> minor_loop_table(const Analysis& analysis);
+std::optional<Table> pulse_table(const Recording& recording);  // positive-up-negative-down
+std::optional<Table> leakage_table(
+    const Recording& recording);  // a current, and no charge that it would be of
+std::optional<Table> fatigue_table(const Recording& recording);  // a tester's readings between cycles
 
 }  // namespace ferrobench::recordings

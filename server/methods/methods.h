@@ -30,6 +30,7 @@ void add_device_methods(Dispatcher& rpc, Engine& engine);
 void add_protocol_methods(Dispatcher& rpc, Engine& engine);
 void add_run_methods(Dispatcher& rpc, Engine& engine);
 void add_recording_methods(Dispatcher& rpc, Engine& engine);
+void add_import_method(Dispatcher& rpc, Engine& engine);
 void add_model_methods(Dispatcher& rpc, Engine& engine);
 void add_discrepancy_methods(Dispatcher& rpc, Engine& engine);
 void add_table_methods(Dispatcher& rpc, Engine& engine);

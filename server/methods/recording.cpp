@@ -4,7 +4,6 @@
 #include "recordings/analysis/difference.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/exchange/export.h"
-#include "recordings/exchange/import_csv.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/recover.h"
 #include "recordings/file/writer.h"
@@ -12,6 +11,7 @@
 #include "recordings/reports/report.h"
 #include "server/engine/live.h"
 #include "server/methods/methods.h"
+#include "server/methods/recording_rows.h"
 #include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
@@ -20,25 +20,6 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-struct RecordingRow {
-  std::string name{}, title{}, protocol{}, model{}, device{}, start_time{}, status{}, reason{};
-  double duration = 0;
-  std::int64_t rows = 0, bytes = 0;
-};
-template <class Visitor>
-void describe(Visitor& visit, RecordingRow& r) {
-  visit("name", r.name, {.required = true, .doc = "the file is at /recordings/<name>"});
-  visit("title", r.title, {});
-  visit("protocol", r.protocol, {});
-  visit("model", r.model, {});
-  visit("device", r.device, {.doc = "driver"});
-  visit("start_time", r.start_time, {.doc = "ISO 8601"});
-  visit("duration_s", r.duration, {.unit = "s"});
-  visit("rows", r.rows, {});
-  visit("status", r.status, {.doc = "running, broken_off, complete, aborted, recovered or unreadable"});
-  visit("reason", r.reason, {});
-  visit("bytes", r.bytes, {.unit = "B"});
-}
 struct RecordingList {
   std::vector<RecordingRow> recordings{};
 };
@@ -94,15 +75,6 @@ void describe(Visitor& visit, AnnotateParams& p) {
   visit("text", p.text, {.required = true, .doc = "the note"});
   visit("time_s", p.time, {.unit = "s", .min = 0, .doc = "moment of the recording that it concerns"});
 }
-struct ImportParams {
-  std::string name{};
-  recordings::CsvImport import{};
-};
-template <class Visitor>
-void describe(Visitor& visit, ImportParams& p) {
-  visit("name", p.name, {.required = true, .doc = "of the new recording"});
-  describe(visit, p.import);
-}
 struct RecoverParams {
   std::string name{};
 };
@@ -146,36 +118,6 @@ const std::vector<ErrorCode> view_errors{ErrorCode::not_found, ErrorCode::bad_re
 const std::vector<ErrorCode> change_errors{ErrorCode::not_found, ErrorCode::busy,
                                            ErrorCode::bad_state, ErrorCode::bad_recording,
                                            ErrorCode::io_error,  ErrorCode::disk_full};
-
-RecordingRow row_of(const std::string& path, const recordings::SummaryOrError& read) {
-  RecordingRow row{.name = fs::path(path).stem().string()};
-  std::error_code failure;
-  row.bytes = static_cast<std::int64_t>(fs::file_size(recordings::present_file(path), failure));
-  if (const auto* error = std::get_if<Error>(&read)) {
-    row.status = "unreadable";
-    row.reason = error->problems().empty() ? error->message() : error->problems().front().message;
-    return row;
-  }
-  const auto& s = std::get<recordings::Summary>(read);
-  row.title = s.header.title;
-  row.protocol = text_at(s.header.protocol, "name");
-  row.model = text_at(s.header.model, "name");
-  row.device = text_at(s.header.device, "driver");
-  row.start_time = s.header.start_time;
-  row.duration = s.duration;
-  row.rows = static_cast<std::int64_t>(s.rows);
-  row.status = s.status;
-  row.reason = s.reason;
-  return row;
-}
-
-std::vector<RecordingRow> rows_of(const std::vector<std::string>& paths) {
-  const auto read = recordings::read_summaries(paths);
-  std::vector<RecordingRow> out;
-  out.reserve(paths.size());
-  for (std::size_t i = 0; i < paths.size(); ++i) out.push_back(row_of(paths[i], read[i]));
-  return out;
-}
 
 json info_of(const fs::path& path) {
   const auto s = recordings::read_summary(path.string());
@@ -324,12 +266,6 @@ json comparison_schema() {
        {"header", values}});
 }
 
-void demand_free(const fs::path& path) {
-  if (Store::is_taken(path))
-    throw Error(ErrorCode::busy, "a recording of this name is there already",
-                Problem{.path = "/name", .given = path.stem().string(), .hint = "choose another name"});
-}
-
 void add_changes(Dispatcher& rpc, Engine& engine) {
   rpc.add<RecordingName>(
       {.name = "recording.export",
@@ -347,24 +283,6 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
         file.put();
         return Exported{out.filename().string(), out.string(), static_cast<std::int64_t>(fs::file_size(out))};
       });
-  rpc.add<ImportParams>({.name = "recording.import",
-                         .doc = "Makes a recording of a CSV text with a column map.",
-                         .role = Role::control,
-                         .lane = Lane::heavy,
-                         .errors = change_errors},
-                        [&engine](const ImportParams& p) {
-                          check_name(p.name, "/name");
-                          const auto path = engine.store().recordings() / (p.name + ".h5");
-                          demand_free(path);
-                          const auto recording = recordings::import_csv(p.import);
-                          try {
-                            recordings::write_recording(path.string(), recording, recordings::Existing::keep);
-                          } catch (const recordings::NameTaken&) {  // by another import, just now
-                            demand_free(path);
-                            throw;
-                          }
-                          return rows_of({path.string()}).front();
-                        });
   rpc.add<AnnotateParams>({.name = "recording.annotate",
                            .doc = "Adds a note to a recording's events.",
                            .role = Role::control,

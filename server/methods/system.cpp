@@ -204,6 +204,7 @@ void add_all_methods(Dispatcher& rpc, Engine& engine) {
   add_protocol_methods(rpc, engine);
   add_run_methods(rpc, engine);
   add_recording_methods(rpc, engine);
+  add_import_method(rpc, engine);
   add_model_methods(rpc, engine);
   add_discrepancy_methods(rpc, engine);
   add_table_methods(rpc, engine);
