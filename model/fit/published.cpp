@@ -10,13 +10,13 @@
 namespace ferrobench::model {
 namespace {
 
-// They lie closer together after a corner, at squares: strain goes on falling for a hundredth of a fast ramp
+// They lie closer together after a corner, at cubes: strain goes on falling for a hundredth of a fast ramp
 // after the field has turned, and samples 1/16 of the ramp apart read strokes of table 3.13 up to 0.4 %
 // short.
 constexpr int samples_per_segment = 32;
 double share_of_segment(int sample) {
   const double share = static_cast<double>(sample) / samples_per_segment;
-  return share * share;
+  return share * share * share;
 }
 // Of a channel's span, for differences along its derivative: far above rounding, far below any cell.
 constexpr double share_moved = 1e-6;

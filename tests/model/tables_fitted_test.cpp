@@ -51,7 +51,7 @@ TEST(ShippedModels, ComeNearTheCreepOfTheStack) {
 
 // Of a fast ramp the strain's extreme lies after the corner, where the fewest samples used to be.
 TEST(TableExperiments, ReadStrokesAsDenselySampledRunsDo) {
-  constexpr SimulationOptions options{.tolerance = 1e-4, .domains = 200};
+  constexpr SimulationOptions options{.tolerance = 1e-4, .domains = 1000};
   const auto model = specimen_of("3.13");
   const auto cells = simulate_table(model, "3.13", options).cells;
   for (const auto& cell : cells) {
@@ -64,14 +64,13 @@ TEST(TableExperiments, ReadStrokesAsDenselySampledRunsDo) {
     out.displacement = x;
     simulate_at(model, knots, field, times, out, options);
     const auto [low, high] = std::ranges::minmax(x);
-    EXPECT_NEAR(cell.measured.value() * 1e-6, high - low, 2e-4 * (high - low));
+    EXPECT_NEAR(cell.measured.value() * 1e-6, high - low, 3e-4 * (high - low));
   }
 }
 
-// Slopes are those of central differences, where these have no steps of the lattice to look across: by
-// parameters that move no domain's own barrier or field.
+// Slopes are those of central differences, which need enough domains not to see the steps of their sum.
 TEST(TableResiduals, HaveExactSlopes) {
-  constexpr SimulationOptions options{.tolerance = 1e-5, .domains = 100};
+  constexpr SimulationOptions options{.tolerance = 1e-5, .domains = 1000};
   const Fidelity fidelity{.simulation = options};
   const auto model = specimen_of("3.11");
   const auto target = table_residuals({"3.11", "3.12"});
@@ -86,7 +85,7 @@ TEST(TableResiduals, HaveExactSlopes) {
   ASSERT_EQ(target->evaluate(model, fidelity, plain), Solved::yes);
   EXPECT_EQ(here, plain);
   for (std::size_t p = 0; p < by.size(); ++p) {
-    const double value = get_parameter(model, by[p].path), step = 1e-3 * value;
+    const double value = get_parameter(model, by[p].path), step = 1e-2 * value;
     std::vector<double> below(here.size()), above(here.size());
     target->evaluate(with_parameters(model, {{by[p].path, value - step}}), fidelity, below);
     target->evaluate(with_parameters(model, {{by[p].path, value + step}}), fidelity, above);
@@ -97,7 +96,7 @@ TEST(TableResiduals, HaveExactSlopes) {
       missed += std::pow(difference - slopes(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p)), 2);
     }
     EXPECT_GT(squares, 0);
-    EXPECT_LT(missed, 4e-4 * squares) << by[p].path;
+    EXPECT_LT(missed, 1e-3 * squares) << by[p].path;
   }
 }
 
