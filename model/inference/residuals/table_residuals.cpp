@@ -49,6 +49,7 @@ class TableResiduals final : public ResidualModel {
         put(experiments_.simulate(model, bounded), out);
       } else {
         std::vector<std::string> paths;
+        paths.reserve(by.size());
         for (const auto& p : by) paths.push_back(p.path);
         const auto around = experiments_.simulate_around(model, paths, bounded);
         put(around.here, out);
