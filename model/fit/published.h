@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,19 @@ class PublishedExperiments {
 
   // Each table with what the model gives for its cells, in the order of tables().
   std::vector<recordings::Comparison> simulate(const Model& model, const SimulationOptions& options) const;
+  // The same, and for each of `parameters` how it changes: one simulation with its derivatives, by which its
+  // channels are then moved a little to either side. Of that the cells are algebra, however they are read
+  // off.
+  struct Neighbours {
+    std::vector<recordings::Comparison> below, above;
+    double apart = 0;  // in the parameter
+  };
+  struct Neighbourhood {
+    std::vector<recordings::Comparison> here;
+    std::vector<Neighbours> by;
+  };
+  Neighbourhood simulate_around(const Model& model, std::span<const std::string> parameters,
+                                const SimulationOptions& options) const;
   std::vector<recordings::PublishedTable> tables() const;
   double duration() const;  // of the longest run, s
 
@@ -41,6 +55,10 @@ class PublishedExperiments {
     std::vector<Run> runs;
     std::vector<recordings::PublishedTable> tables;
   };
+  // A recording without noise for each run of a group.
+  using Recorded = std::vector<std::vector<recordings::Recording>>;
+  std::vector<recordings::Comparison> compare_all(const Recorded& recorded) const;
+
   std::vector<Group> groups_;
 };
 

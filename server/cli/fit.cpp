@@ -137,7 +137,9 @@ void add_fit(CLI::App& app, Common& common) {
     return option->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   };
   sub->add_option("RECORDING", o->recordings, "files, or names in the data folder");
-  list(sub->add_option("--table", o->request.tables, "a published table; again for more, fitted together"))
+  list(sub->add_option(
+           "--table", o->request.tables,
+           "a published table; again for more, fitted together, by the simulation of 'ferrobench table'"))
       ->type_name("TABLE");
   sub->add_flag("--calibrate", o->request.calibrate,
                 "take the critical force of the parametrized polycrystal from one slow loop, or from two at "

@@ -61,6 +61,8 @@ json fit_model(const FitRequest& request, const model::Model& start,
   options.iterations = static_cast<int>(request.iterations);
   options.seed = static_cast<std::uint64_t>(request.seed);
   options.progress = progress;
+  // Tables are run on the virtual device, so what is fitted to them is what `table` will show.
+  if (!request.tables.empty()) options.simulation = model::below_noise;
   if (stop) options.simulation.stop = &stop;
   for (const auto& path : request.free) options.free.push_back(model::free_parameter(start, path));
   if (options.free.empty()) options.free = model::default_free_parameters(start);

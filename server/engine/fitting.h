@@ -20,7 +20,8 @@ struct FitRequest {
 };
 template <class Visitor>
 void describe(Visitor& visit, FitRequest& r) {
-  visit("tables", r.tables, {.doc = "published tables to come near to, fitted together"});
+  visit("tables", r.tables,
+        {.doc = "published tables to come near to, fitted together, by the simulation that table.run uses"});
   visit("free", r.free, {.doc = "paths of the parameters that move, for example material.barrier"});
   visit("set", r.set, {.doc = "parameters of the tables' protocols, for example {\"rate\": 10}"});
   visit("starts", r.starts,

@@ -19,26 +19,14 @@ class TableResiduals final : public ResidualModel {
   }
 
   Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const override {
-    std::size_t next = 0;
-    auto bounded = fidelity.simulation;
-    if (bounded.most_steps == 0)
-      bounded.most_steps = fidelity.coarse ? most_steps_of_a_run : 50 * most_steps_of_a_run;
-    std::vector<recordings::Comparison> comparisons;
-    try {
-      comparisons = experiments_.simulate(model, bounded);
-    } catch (const Error& e) {
-      if (e.code() == ErrorCode::numerical || e.code() == ErrorCode::bad_model) return Solved::no;
-      throw;
-    }
-    for (const auto& [table, cells, scale, error] : comparisons) {
-      std::vector<double> logs;
-      for (const auto& cell : cells) {
-        logs.push_back(log_error(cell));
-        out[next++] = weighted_error(cell);
-      }
-      for (const auto& [low, high] : trends(table)) out[next++] = against_trend(table, logs, low, high);
-    }
-    return std::ranges::all_of(out, [](double r) { return std::isfinite(r); }) ? Solved::yes : Solved::no;
+    return fill(model, fidelity, {}, out, nullptr);
+  }
+  bool has_slopes() const override { return true; }
+  Solved evaluate_with_slopes(const Model& model, const Fidelity& fidelity,
+                              const std::vector<FreeParameter>& by, std::span<double> out,
+                              Eigen::MatrixXd& slopes) const override {
+    slopes.setZero(static_cast<Eigen::Index>(size_), static_cast<Eigen::Index>(by.size()));
+    return fill(model, fidelity, by, out, &slopes);
   }
 
   std::vector<std::pair<std::string, double>> summary(const Model& model,
@@ -51,6 +39,51 @@ class TableResiduals final : public ResidualModel {
   }
 
  private:
+  Solved fill(const Model& model, const Fidelity& fidelity, const std::vector<FreeParameter>& by,
+              std::span<double> out, Eigen::MatrixXd* slopes) const {
+    auto bounded = fidelity.simulation;
+    if (bounded.most_steps == 0)
+      bounded.most_steps = fidelity.coarse ? most_steps_of_a_run : 50 * most_steps_of_a_run;
+    try {
+      if (slopes == nullptr) {
+        put(experiments_.simulate(model, bounded), out);
+      } else {
+        std::vector<std::string> paths;
+        paths.reserve(by.size());
+        for (const auto& p : by) paths.push_back(p.path);
+        const auto around = experiments_.simulate_around(model, paths, bounded);
+        put(around.here, out);
+        std::vector<double> below(size_), above(size_);
+        for (std::size_t p = 0; p < paths.size(); ++p) {
+          if (!(around.by[p].apart > 0)) continue;
+          put(around.by[p].below, below);
+          put(around.by[p].above, above);
+          for (std::size_t i = 0; i < size_; ++i)
+            (*slopes)(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p)) =
+                (above[i] - below[i]) / around.by[p].apart;
+        }
+      }
+    } catch (const Error& e) {
+      if (e.code() == ErrorCode::numerical || e.code() == ErrorCode::bad_model) return Solved::no;
+      throw;
+    }
+    const bool finite = std::ranges::all_of(out, [](double r) { return std::isfinite(r); }) &&
+                        (slopes == nullptr || slopes->allFinite());
+    return finite ? Solved::yes : Solved::no;
+  }
+
+  static void put(const std::vector<recordings::Comparison>& comparisons, std::span<double> out) {
+    std::size_t next = 0;
+    for (const auto& [table, cells, scale, error] : comparisons) {
+      std::vector<double> logs;
+      for (const auto& cell : cells) {
+        logs.push_back(log_error(cell));
+        out[next++] = weighted_error(cell);
+      }
+      for (const auto& [low, high] : trends(table)) out[next++] = against_trend(table, logs, low, high);
+    }
+  }
+
   // Pairs of cells that follow each other along the trend's key and are alike in all other keys.
   static std::vector<std::pair<std::size_t, std::size_t>> trends(const recordings::PublishedTable& table) {
     const auto& trend = table.description.trend;
