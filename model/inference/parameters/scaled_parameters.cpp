@@ -15,21 +15,6 @@ ScaledParameter with_prior(std::string path, double from, double scale) {
   return {.path = std::move(path), .from = from, .scale = scale, .low = -farthest, .high = farthest};
 }
 
-// A solver's steps do not know of a sensor, so there no noise of theirs forbids small differences; and what
-// is limited has kinks, which want them.
-double difference_of(const Effect& effect) {
-  if (is_sensor(effect.family)) return 1e-4;
-  return effect.parameters.front().limit_of == LimitOf::nothing ? ScaledParameter{}.difference : 0.01;
-}
-
-// Of "effects.ID.PARAMETER"; null for other paths.
-const Effect* effect_at(std::string_view path) {
-  constexpr std::string_view begin = "effects.";
-  if (!path.starts_with(begin)) return nullptr;
-  path.remove_prefix(begin.size());
-  return &find_effect(path.substr(0, path.find('.')));
-}
-
 }  // namespace
 
 double ScaledParameter::value(double z) const {
@@ -91,7 +76,6 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
     // What is zero is absent; to switch it on is an effect.
     if (value == 0) continue;
     out.parameters.push_back(with_prior(path, value, known_to));
-    if (const auto* effect = effect_at(path)) out.parameters.back().difference = difference_of(*effect);
   }
   const auto any = [&](auto&& test) { return std::ranges::any_of(bench, test); };
   if (any([](const BenchRecording& r) { return r.header.load.spring_stiffness > 0; }))
@@ -134,7 +118,6 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
     c.path = "effects." + setting.id + "." + std::string(p.name);
     c.from = values[i];
     c.prior = false;
-    c.difference = difference_of(effect);
     const bool linear = p.any_sign && i == 0;
     c.logarithmic = !linear;
     // A frequency is known far better than any other shape.

@@ -24,7 +24,6 @@ struct ScaledParameter {
   bool logarithmic = true;
   bool prior = true;
   double low = 0, high = 0;  // of z
-  double difference = 0.1;   // of z, to take a slope over
   bool scales_only = false;  // a channel: the simulation is the same
 
   double value(double z) const;

@@ -44,11 +44,6 @@ std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
   return out;
 }
 
-std::optional<Eigen::MatrixXd> WhitenedResiduals::slopes(const Hypothesis&, const Eigen::VectorXd&,
-                                                         Eigen::Index) const {
-  return std::nullopt;
-}
-
 Eigen::VectorXd WhitenedResiduals::evaluate(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const {
   return evaluate({{&hypothesis, z}}).front();
 }

@@ -44,7 +44,7 @@ class WhitenedResiduals {
   // d residual / dz at z by the parameters from `first` on, a column each. Empty if the model cannot be
   // solved there, or its slopes cannot be had.
   virtual std::optional<Eigen::MatrixXd> slopes(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                                                Eigen::Index first = 0) const;
+                                                Eigen::Index first = 0) const = 0;
 
   // Whether a change of the residuals comes from a model that could not be solved on one side of it.
   static bool is_unsolved(const Eigen::VectorXd& change) {

@@ -42,6 +42,45 @@ WhitenedTableCells::WhitenedTableCells(const PublishedExperiments& experiments,
   size_ = static_cast<Eigen::Index>(chosen_.size());
 }
 
+std::optional<Eigen::MatrixXd> WhitenedTableCells::slopes(const Hypothesis& hypothesis,
+                                                          const Eigen::VectorXd& z,
+                                                          Eigen::Index first) const {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(size(), z.size() - first);
+  std::vector<std::string> paths;
+  std::vector<Eigen::Index> column_of;
+  for (auto i = first; i < z.size(); ++i) {
+    const auto& c = hypothesis.parameters[static_cast<std::size_t>(i)];
+    if (!c.of_model()) continue;
+    paths.push_back(c.path);
+    column_of.push_back(i);
+  }
+  auto options = simulation();
+  options.most_steps = most_steps_of_a_run;
+  const auto errors = [](const std::vector<recordings::Comparison>& comparisons) {
+    std::vector<double> all;
+    for (const auto& comparison : comparisons)
+      for (const auto& cell : comparison.cells) all.push_back(weighted_error(cell));
+    return all;
+  };
+  try {
+    const auto around = experiments_.simulate_around(setting_at(hypothesis, z).model, paths, options);
+    for (std::size_t p = 0; p < paths.size(); ++p) {
+      if (!(around.by[p].apart > 0)) continue;
+      const auto below = errors(around.by[p].below), above = errors(around.by[p].above);
+      const auto column = column_of[p];
+      const double by = hypothesis.parameters[static_cast<std::size_t>(column)].slope(z[column]);
+      for (std::size_t i = 0; i < chosen_.size(); ++i)
+        out(static_cast<Eigen::Index>(i), column - first) =
+            -by * (above[chosen_[i]] - below[chosen_[i]]) / around.by[p].apart;
+    }
+  } catch (const Error& e) {
+    if (e.code() == ErrorCode::cancelled) throw;
+    return std::nullopt;
+  }
+  if (!out.allFinite()) return std::nullopt;
+  return out;
+}
+
 WhitenedResiduals::Times WhitenedTableCells::times() const {
   return {.shortest = shortest_of_interest, .longest = experiments_.duration()};
 }

@@ -26,6 +26,8 @@ class WhitenedTableCells final : public WhitenedResiduals {
   // Of the cells chosen. `experiments` must outlive it.
   WhitenedTableCells(const PublishedExperiments& experiments, std::vector<std::size_t> chosen,
                      SimulationOptions simulation, int threads);
+  std::optional<Eigen::MatrixXd> slopes(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                                        Eigen::Index first = 0) const override;
   Times times() const override;
   std::vector<double> tones(const Eigen::VectorXd&, const EffectParameter&, std::size_t) const override {
     return {};

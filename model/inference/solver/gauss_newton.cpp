@@ -7,15 +7,9 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// Where slopes are differences, these change the residual by so much, far above the noise of a solver that
-// chooses its steps, and far below where a switching or a ringing specimen is no longer linear.
-constexpr double response = 100, least_difference = 0.002;
 // The curvature along a step is measured so far ahead, in prior standard deviations: so near that the third
 // derivative does not count, so far that the noise of the simulation's own steps does not.
 constexpr double look_ahead = 0.5;
-// A solution that has gained next to nothing in so many steps has ended, whatever is
-// predicted: along a bent valley a linear prediction promises what is not there.
-constexpr int idle_steps = 1;
 constexpr double most_damping = 1e5;
 
 Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
@@ -26,36 +20,14 @@ Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
   return z;
 }
 
-// By central differences, for residuals that do not know their own slopes.
-Eigen::MatrixXd differences(const WhitenedResiduals& residuals, const Fit& fit, Eigen::Index from) {
-  const auto n = fit.z.size();
-  std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
-  std::vector<double> steps;
-  for (Eigen::Index i = from; i < n; ++i) {
-    const auto& c = fit.hypothesis.parameters[static_cast<std::size_t>(i)];
-    double difference = c.difference;
-    if (i < fit.jacobian.cols())
-      difference = std::clamp(response / fit.jacobian.col(i).norm(), std::min(least_difference, difference),
-                              difference);
-    auto one = fit.z, other = fit.z;
-    one[i] = std::min(c.high, one[i] + difference);
-    other[i] = std::max(c.low, other[i] - difference);
-    steps.push_back(one[i] - other[i]);
-    places.emplace_back(&fit.hypothesis, std::move(one));
-    places.emplace_back(&fit.hypothesis, std::move(other));
-  }
-  const auto moved = residuals.evaluate(places);
-  Eigen::MatrixXd out(residuals.size(), n - from);
-  for (std::size_t i = 0; i < steps.size(); ++i)
-    out.col(static_cast<Eigen::Index>(i)) = (moved[2 * i] - moved[2 * i + 1]) / steps[i];
-  return out;
-}
-
-void make_columns(const WhitenedResiduals& residuals, Fit& fit, Eigen::Index from) {
-  const auto slopes = residuals.slopes(fit.hypothesis, fit.z, from);
-  const Eigen::MatrixXd made = slopes ? *slopes : differences(residuals, fit, from);
+// Makes the Jacobian's columns from one on at the fit's z. False if slopes cannot be had there: it is as
+// before then.
+bool make_columns(const WhitenedResiduals& residuals, Fit& fit, Eigen::Index from) {
+  const auto made = residuals.slopes(fit.hypothesis, fit.z, from);
+  if (!made) return false;
   fit.jacobian.conservativeResize(residuals.size(), fit.z.size());
-  fit.jacobian.rightCols(made.cols()) = made;
+  fit.jacobian.rightCols(made->cols()) = *made;
+  return true;
 }
 
 // The second derivative of the residual along a step, from one simulation ahead.
@@ -146,9 +118,11 @@ Eigen::VectorXd Fit::corrected(Eigen::VectorXd simulated) const {
   return simulated;
 }
 
-void refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit) {
-  make_columns(residuals, fit, 0);
-  fit.fresh = true;
+bool refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit) {
+  fit.fresh = make_columns(residuals, fit, 0);
+  if (fit.jacobian.cols() != fit.z.size())
+    fit.jacobian = Eigen::MatrixXd::Zero(residuals.size(), fit.z.size());
+  return fit.fresh;
 }
 
 Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
@@ -162,20 +136,25 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
   out.squares = out.residual.squaredNorm() + prior_squares(hypothesis, out.z);
   if (warm_start != nullptr && warm_start->jacobian.cols() < out.z.size()) {
     out.jacobian = warm_start->jacobian;
-    make_columns(residuals, out, warm_start->jacobian.cols());
+    if (!make_columns(residuals, out, warm_start->jacobian.cols())) {
+      out.jacobian = Eigen::MatrixXd::Zero(residuals.size(), out.z.size());
+      return out;
+    }
   } else if (warm_start != nullptr && warm_start->fresh && warm_start->z == out.z) {
     out.jacobian = warm_start->jacobian;
     out.fresh = true;
-  } else {
-    refresh_jacobian(residuals, out);
+  } else if (!refresh_jacobian(residuals, out)) {
+    return out;
   }
   double damping = options.damping, gained = 0;
-  int idle = 0;
+  // Along a bent valley a linear prediction promises what is not there, so a step that gains next to nothing,
+  // or promises no more, ends the solution too.
+  bool ended = false;
   for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
     const double enough = std::max(options.enough, 1e-4 * gained);
     if (out.fresh) {
       const double predicted = out.predicted_decrease();
-      if (idle == idle_steps || predicted < enough) break;
+      if (ended || predicted < enough) break;
       if (out.squares - options.trusted_decrease * predicted > options.wanted) break;
     }
     if (options.tick) options.tick();
@@ -193,15 +172,15 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
         gained += gain;
       }
     }
-    idle = gain < enough ? idle + 1 : 0;
+    ended = (gain > 0 ? gain : next.promised) < enough;
     damping *= gain <= 0                                         ? 8
                : gain < 0.5 * next.promised || next.share < 0.5  ? 2
                : gain > 0.9 * next.promised && next.share > 0.75 ? 0.02
                                                                  : 0.2;
     if (i + 1 == options.iterations) {
       out.fresh = out.fresh && gain <= 0;
-    } else if (gain > 0 || !out.fresh) {
-      refresh_jacobian(residuals, out);
+    } else if ((gain > 0 || !out.fresh) && !refresh_jacobian(residuals, out)) {
+      break;
     }
   }
   return out;

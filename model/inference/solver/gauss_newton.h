@@ -5,7 +5,7 @@
 //   constant)
 //
 // by Levenberg-Marquardt (Nocedal and Wright, Numerical Optimization, ch. 10) with the residuals' exact
-// slopes where they know them. Steps bend as the valley does (geodesic acceleration: Transtrum and Sethna,
+// slopes. Steps bend as the valley does (geodesic acceleration: Transtrum and Sethna,
 // arXiv:1201.5885): with J the slopes and K the second derivative along a step s, from one simulation ahead,
 //
 //   z(t) = z + t s - t^2 (J^T J + damping)^-1 J^T K / 2,   with the t where |r + t J s + t^2 ...|^2 is least
@@ -57,7 +57,8 @@ struct SolverOptions {
 // fresh.
 Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
              const SolverOptions& options, const Fit* warm_start = nullptr);
-// Makes the Jacobian anew at the fit's z.
-void refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit);
+// Makes the Jacobian anew at the fit's z. False if slopes cannot be had there: it is that of where it was
+// made last then, or zero.
+bool refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit);
 
 }  // namespace ferrobench::model::inference

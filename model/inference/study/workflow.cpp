@@ -78,10 +78,14 @@ SimulationOptions stoppable(SimulationOptions simulation, const DiscoverOptions&
 }
 
 Ticker ticker(const DiscoverOptions& options) {
-  return [&options, one = std::make_shared<std::mutex>()](const std::string& stage, double fraction) {
-    const std::scoped_lock lock(*one);
-    if (options.progress && !options.progress({stage, fraction}))
-      throw Error(ErrorCode::cancelled, "the search was stopped");
+  struct Asked {
+    std::mutex mutex;
+    bool stopped = false;  // once said, it is not asked again by other threads
+  };
+  return [&options, asked = std::make_shared<Asked>()](const std::string& stage, double fraction) {
+    const std::scoped_lock lock(asked->mutex);
+    asked->stopped = asked->stopped || (options.progress && !options.progress({stage, fraction}));
+    if (asked->stopped) throw Error(ErrorCode::cancelled, "the search was stopped");
   };
 }
 
