@@ -80,6 +80,12 @@ std::vector<Screened> ForwardSelector::check(Trial& t, bool seconds_wanted, doub
 }
 
 void ForwardSelector::try_singles() {
+  // Explanations do not depend on the base model's fit, only what they are compared with does.
+  for (auto t : task_.known) {
+    t.drop = base_.squares - t.fit.squares;
+    t.checked = false;
+    out_.trials.push_back(std::move(t));
+  }
   for (std::size_t i = 0; i < std::min(options_.single_refits, out_.screened.size()); ++i) {
     const auto& s = out_.screened[i];
     if (s.values.empty() || s.drop < options_.refit_share_of_detection * options_.detection ||

@@ -16,9 +16,8 @@ constexpr double coarse_error = 0.8;
 constexpr int most_rounds = 4;
 // Damping that lets directions that only priors hold go all the way.
 constexpr double hardly_damped = 1e-7;
-// Where the sum of squares is so many times the number of residuals, the hypothesis is no explanation, and
-// the last steps do not change that.
-constexpr double too_far_for_last_steps = 1.3;
+// A round that gains less than this, or than this share of the sum of squares, was the last one.
+constexpr double last_gain = 5, last_share = 1e-3;
 
 }  // namespace
 
@@ -80,7 +79,7 @@ void refine(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit&
     apply_fidelity_correction(coarse, fine, next);
     const double gain = f.squares - next.squares;
     if (gain > 0) f = std::move(next);
-    if (gain < 5 || f.squares > too_far_for_last_steps * static_cast<double>(coarse.size())) break;
+    if (gain < std::max(last_gain, last_share * f.squares)) break;
   }
   refresh_jacobian(coarse, f);
 }

@@ -119,9 +119,11 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
   out.base = std::move(recalibrated.fit);
   double begun = 0.3;
   for (std::size_t again = 0; again <= selection.base_restarts; ++again) {
+    const auto known = std::move(out.forward.trials);
     out.forward = select_forward(
         coarse, fine, out.base,
         {.candidates = options.candidates,
+         .known = known,
          .most_domains = options.most_domains,
          .doubt_base = again < selection.base_restarts,
          .beyond_effects = options.beyond_effects,
