@@ -170,7 +170,10 @@ Model free_specimen_model() {
 std::vector<recordings::Recording> loops_at_two_rates(const Model& truth) {
   auto slow = loop();
   for (auto& t : slow.time) t *= 30;
-  return {measured_on(truth, loop(), coarse), measured_on(truth, slow, coarse)};
+  std::vector<recordings::Recording> out{measured_on(truth, loop(), coarse),
+                                         measured_on(truth, slow, coarse)};
+  for (auto& r : out) r.header.past = {protocols::PastKind::poled_plus};
+  return out;
 }
 
 // With the groups of the truth the eliminated parameters come out as those of the truth, to what is left out.
