@@ -22,9 +22,12 @@ class Damage : public testing::Test {
 TEST_F(Damage, IsRefusedOrDoesNoHarm) {
   const auto figures = damage_files(500, 1, folder);
   EXPECT_THAT(figures.failures, testing::IsEmpty());
-  for (const auto& row : figures.rows) {
+  for (std::size_t kind = 0; kind < figures.rows.size(); ++kind) {
+    const auto& row = figures.rows.at(kind);
     EXPECT_EQ(row.files, 100);
-    EXPECT_GT(row.refused, 10) << figures;
+    // A journal is read up to what is damaged, and refused only where its first record is hit, one in ten.
+    const bool is_journal = static_cast<DamagedKind>(kind) == DamagedKind::journal;
+    EXPECT_GT(row.refused, is_journal ? 3 : 10) << figures;
     EXPECT_GT(row.refused + row.replayed, 30) << figures;
   }
 }
