@@ -145,24 +145,25 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
   return out;
 }
 
-void summarize(const WorkflowResult& s, const SelectionOptions& options, Discovery& out) {
-  out.verdict = s.selection.verdict;
-  out.probability_unknown = s.selection.probability_unknown;
-  out.probability_nothing = s.selection.probability_nothing;
+void summarize(const WorkflowResult& found, const SelectionOptions& options, Discovery& out) {
+  out.verdict = found.selection.verdict;
+  out.probability_unknown = found.selection.probability_unknown;
+  out.probability_nothing = found.selection.probability_nothing;
   if (out.verdict != Verdict::nothing_missing)
-    for (const auto& [trial, probability] : s.selection.trials)
+    for (const auto& [trial, probability] : found.selection.trials)
       out.explanations.push_back({effect_estimates(*trial, options), probability, {}});
-  if (out.verdict == Verdict::unknown && s.selection.doubted != nullptr)
-    out.doubted = effect_estimates(*s.selection.doubted, options);
-  if (s.best != nullptr) out.family = s.best->effects.front()->family;
-  out.recalibrated = recalibrations(s.after(), options);
-  out.recalibrated_base = model_at(s.base, "Recalibrated.");
-  out.improved = s.best != nullptr ? model_at(s.best->fit, "Recalibrated, with what was found missing.")
-                                   : out.recalibrated_base;
-  detectable(out, s, options);
-  equivalences(out, s.forward, s.samples, options);
-  for (const auto& t : s.forward.trials) {
-    if (!t.checked || (s.best != nullptr && &t != s.best)) continue;
+  if (out.verdict == Verdict::unknown && found.selection.doubted != nullptr)
+    out.doubted = effect_estimates(*found.selection.doubted, options);
+  if (found.best != nullptr) out.family = found.best->effects.front()->family;
+  out.recalibrated = recalibrations(found.after(), options);
+  out.recalibrated_base = model_at(found.base, "Recalibrated.");
+  out.improved = found.best != nullptr
+                     ? model_at(found.best->fit, "Recalibrated, with what was found missing.")
+                     : out.recalibrated_base;
+  detectable(out, found, options);
+  equivalences(out, found.forward, found.samples, options);
+  for (const auto& t : found.forward.trials) {
+    if (!t.checked || (found.best != nullptr && &t != found.best)) continue;
     out.health.largest_left = t.left;
     out.health.allowed_left = allowed_remainder(options, t.drop);
     break;
