@@ -19,7 +19,7 @@ Model sprung() {
 }
 
 // A loop with a hold, with noise; without a command the drive is read from the measured field.
-recordings::Recording record(const Model& m, bool with_command) {
+recordings::Recording record(const Model& m, bool with_command, protocols::PastKind past) {
   std::mt19937_64 random(4);
   std::normal_distribution<double> normal;
   recordings::Recording r;
@@ -32,7 +32,9 @@ recordings::Recording record(const Model& m, bool with_command) {
                       : t < 6 ? 1.8e6
                               : 1.8e6 - 9e5 * (t - 6));
   }
-  const auto t = simulate(m, r.time, command, {.tolerance = 1e-5, .domains = 1000, .shift = 3});
+  r.header.past = {past};
+  const auto t =
+      simulate(m, r.time, command, {.tolerance = 1e-5, .domains = 1000, .shift = 3, .past = &r.header.past});
   r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
                        m.actuator.layer_count};
   r.header.load = {m.load.spring_stiffness, m.load.prestress};
@@ -49,8 +51,8 @@ recordings::Recording record(const Model& m, bool with_command) {
 }
 
 struct Residuals {
-  explicit Residuals(bool with_command)
-      : bench(prepare_bench(sprung(), {{"loop", record(sprung(), with_command)}}, 2000, warnings)),
+  explicit Residuals(bool with_command, protocols::PastKind past = protocols::PastKind::poled_plus)
+      : bench(prepare_bench(sprung(), {{"loop", record(sprung(), with_command, past)}}, 2000, warnings)),
         noise(estimate_noise(bench, warnings)),
         of(bench, noise, {0}, {.tolerance = 1e-6, .domains = 1000}, 2) {}
   std::vector<std::string> warnings;
@@ -62,15 +64,16 @@ struct Residuals {
 // Of every parameter that a hypothesis may move: numbers of the model, an effect, spring, prestress, gains,
 // and the drive's own where it was measured. What differences of 1 % of a prior's width make of the
 // simulation's own steps is up to 2 % of a slope.
-class SlopesOfResiduals : public testing::TestWithParam<bool> {};
+class SlopesOfResiduals : public testing::TestWithParam<std::tuple<bool, protocols::PastKind>> {};
 
 TEST_P(SlopesOfResiduals, AreTheirDerivatives) {
-  Residuals residuals(GetParam());
+  const auto [with_command, past] = GetParam();
+  Residuals residuals(with_command, past);
   const auto hypothesis =
       with_effect(base_hypothesis(sprung(), residuals.bench), find_effect("source_resistance"), {4000});
   auto z = prior_mean(hypothesis);
   for (Eigen::Index i = 0; i < z.size(); ++i) z[i] = 0.2 * static_cast<double>((i * 7) % 5 - 2);
-  if (!GetParam()) residuals.of.marginalize_drive(hypothesis, z);
+  if (!with_command) residuals.of.marginalize_drive(hypothesis, z);
   const auto slopes = residuals.of.slopes(hypothesis, z);
   ASSERT_TRUE(slopes);
   ASSERT_EQ(slopes->cols(), z.size());
@@ -89,7 +92,10 @@ TEST_P(SlopesOfResiduals, AreTheirDerivatives) {
   EXPECT_LT((*last - slopes->rightCols(2)).norm(), 1e-9 * slopes->rightCols(2).norm());
 }
 
-INSTANTIATE_TEST_SUITE_P(Drives, SlopesOfResiduals, testing::Bool());
+INSTANTIATE_TEST_SUITE_P(DrivesAndPasts, SlopesOfResiduals,
+                         testing::Combine(testing::Bool(),
+                                          testing::Values(protocols::PastKind::poled_plus,
+                                                          protocols::PastKind::poled_minus)));
 
 TEST(SlopesOfResiduals, AreNotHadWhereTheModelCannotBeSolved) {
   Residuals residuals(true);

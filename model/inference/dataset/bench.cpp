@@ -176,15 +176,14 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
   return out;
 }
 
-std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& r,
-                                                const SimulationOptions& options,
-                                                SimulationStatistics* statistics) {
-  auto after = options;
-  after.past = &r.header.past;
+namespace {
+
+// Room for each of the recording's channels, and `spans` over it.
+template <class Spans>
+std::vector<std::vector<double>> room_for(const BenchRecording& r, std::size_t each, Spans& spans) {
   std::vector<std::vector<double>> out;
-  ChannelSpans spans;
   for (const auto& m : r.channels) {
-    auto& column = out.emplace_back(r.time.size());
+    auto& column = out.emplace_back(each);
     switch (m.channel) {
       case Channel::charge:
         spans.charge = column;
@@ -199,8 +198,36 @@ std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchR
         spans.field = column;
     }
   }
-  const auto took = simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans, after);
+  return out;
+}
+
+SimulationOptions after_past(const BenchRecording& r, SimulationOptions options) {
+  options.past = &r.header.past;
+  return options;
+}
+
+}  // namespace
+
+std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& r,
+                                                const SimulationOptions& options,
+                                                SimulationStatistics* statistics) {
+  ChannelSpans spans;
+  auto out = room_for(r, r.time.size(), spans);
+  const auto took = simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans,
+                                after_past(r, options));
   if (statistics != nullptr) *statistics = took;
+  return out;
+}
+
+BenchSlopes simulate_bench_with_slopes(const Model& model, const BenchRecording& r,
+                                       std::span<const std::string> numbers,
+                                       const DriveDirections& directions, const SimulationOptions& options) {
+  ChannelSpans spans;
+  SlopeSpans slope_spans;
+  BenchSlopes out{room_for(r, r.time.size(), spans),
+                  room_for(r, r.time.size() * (numbers.size() + directions.count), slope_spans)};
+  simulate_with_slopes(model_for(model, r.header), numbers, r.knot_time, r.knot_field, r.time, spans,
+                       slope_spans, after_past(r, options), directions);
   return out;
 }
 

@@ -5,11 +5,13 @@
 #include <Eigen/Dense>
 #include <array>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "model/inference/dataset/segment_class.h"
 #include "model/model.h"
+#include "model/sensitivities.h"
 #include "model/simulator.h"
 #include "recordings/format/recording.h"
 
@@ -69,5 +71,13 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
 std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& recording,
                                                 const SimulationOptions& options,
                                                 SimulationStatistics* statistics = nullptr);
+// The same with slopes by numbers of the model and by directions of the drive.
+struct BenchSlopes {
+  std::vector<std::vector<double>> values;  // by channel, as above
+  std::vector<std::vector<double>> slopes;  // by channel: rows x (numbers + directions)
+};
+BenchSlopes simulate_bench_with_slopes(const Model& model, const BenchRecording& recording,
+                                       std::span<const std::string> numbers,
+                                       const DriveDirections& directions, const SimulationOptions& options);
 
 }  // namespace ferrobench::model::inference

@@ -55,6 +55,14 @@ Setting setting_at(const Hypothesis& h, const Eigen::VectorXd& z) {
   return out;
 }
 
+std::optional<Setting> possible_setting(const Hypothesis& h, const Eigen::VectorXd& z) {
+  try {
+    return setting_at(h, z);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
 BenchRecording apply_setting(const Setting& setting, const BenchRecording& recording) {
   auto out = recording;
   out.header.load.spring_stiffness *= setting.spring_factor;

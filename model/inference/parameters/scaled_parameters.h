@@ -9,6 +9,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -49,6 +50,8 @@ struct Setting {
   double field_offset = 0;  // of the measured field
 };
 Setting setting_at(const Hypothesis& hypothesis, const Eigen::VectorXd& z);
+// The same; empty where no model can have these numbers.
+std::optional<Setting> possible_setting(const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 // The recording with the load that the setting says it had, and, where no command was recorded, the drive
 // that its measured field says: measured = gain * field + offset.
 BenchRecording apply_setting(const Setting& setting, const BenchRecording& recording);

@@ -7,12 +7,8 @@
 
 #include "model/inference/common/parallel.h"
 #include "model/inference/residuals/whitened_recordings.h"
-#include "model/on_recording.h"
-#include "model/sensitivities.h"
 
 namespace ferrobench::model::inference {
-
-using recordings::Channel;
 
 namespace {
 
@@ -81,7 +77,9 @@ std::optional<Eigen::MatrixXd> WhitenedRecordings::slopes(const Hypothesis& hypo
                                                           Eigen::Index first) const {
   const auto count = z.size() - first;
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(size(), count);
-  const auto setting = setting_at(hypothesis, z);
+  const auto found = possible_setting(hypothesis, z);
+  if (!found) return std::nullopt;
+  const auto& setting = *found;
   std::atomic<bool> solved = true;
   const auto ordered = parts();
   in_parallel(ordered.size(), threads(), [&](std::size_t i) {
@@ -164,44 +162,17 @@ Eigen::MatrixXd WhitenedRecordings::drive_jacobian(const Setting& setting, std::
   return out;
 }
 
-std::optional<WhitenedRecordings::ChannelsWithSlopes> WhitenedRecordings::channels_with_slopes(
-    const Setting& setting, std::size_t recording, const BenchRecording& at,
-    const std::vector<std::string>& numbers, const DriveDirections& directions) const {
-  const std::size_t width = numbers.size() + directions.count;
-  ChannelsWithSlopes out;
-  out.values.resize(at.channels.size());
-  out.slopes.resize(at.channels.size());
-  ChannelSpans spans;
-  SlopeSpans slopes;
-  for (std::size_t c = 0; c < at.channels.size(); ++c) {
-    out.values[c].resize(at.time.size());
-    out.slopes[c].resize(at.time.size() * width);
-    switch (at.channels[c].channel) {
-      case Channel::charge:
-        spans.charge = out.values[c];
-        slopes.charge = out.slopes[c];
-        break;
-      case Channel::displacement:
-        spans.displacement = out.values[c];
-        slopes.displacement = out.slopes[c];
-        break;
-      case Channel::force:
-        spans.force = out.values[c];
-        slopes.force = out.slopes[c];
-        break;
-      default:
-        spans.field = out.values[c];
-        slopes.field = out.slopes[c];
-    }
-  }
+std::optional<BenchSlopes> WhitenedRecordings::channels_with_slopes(const Setting& setting,
+                                                                    std::size_t recording,
+                                                                    const BenchRecording& at,
+                                                                    std::span<const std::string> numbers,
+                                                                    const DriveDirections& directions) const {
   try {
-    simulate_with_slopes(model_for(setting.model, at.header), numbers, at.knot_time, at.knot_field, at.time,
-                         spans, slopes, bounded(recording), directions);
+    return simulate_bench_with_slopes(setting.model, at, numbers, directions, bounded(recording));
   } catch (const Error& e) {
     if (e.code() == ErrorCode::cancelled) throw;
     return std::nullopt;
   }
-  return out;
 }
 
 }  // namespace ferrobench::model::inference

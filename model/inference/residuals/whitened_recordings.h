@@ -7,7 +7,6 @@
 
 #include "model/inference/observation/noise.h"
 #include "model/inference/residuals/whitened_residuals.h"
-#include "model/sensitivities.h"
 
 namespace ferrobench::model::inference {
 
@@ -75,16 +74,12 @@ class WhitenedRecordings final : public WhitenedResiduals {
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
   std::vector<std::vector<double>> channels(const Setting& setting,
                                             std::size_t recording) const;  // without gains
-  struct ChannelsWithSlopes {
-    std::vector<std::vector<double>> values, slopes;  // by channel; slopes: rows x (numbers + directions)
-  };
-  // The same with slopes by numbers of the model and by directions of the drive. Empty if it cannot be
-  // solved.
-  // `at` is the recording as the setting has it.
-  std::optional<ChannelsWithSlopes> channels_with_slopes(const Setting& setting, std::size_t recording,
-                                                         const BenchRecording& at,
-                                                         const std::vector<std::string>& numbers,
-                                                         const DriveDirections& directions) const;
+  // The same with slopes (dataset/bench.h). Empty if it cannot be solved. `at` is the recording as the
+  // setting has it.
+  std::optional<BenchSlopes> channels_with_slopes(const Setting& setting, std::size_t recording,
+                                                  const BenchRecording& at,
+                                                  std::span<const std::string> numbers,
+                                                  const DriveDirections& directions) const;
   // What a simulation of the recording may cost.
   SimulationOptions bounded(std::size_t recording) const;
   static double gain_of(const Setting& setting, recordings::Channel channel);

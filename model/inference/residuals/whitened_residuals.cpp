@@ -25,17 +25,18 @@ std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
   std::vector<Eigen::VectorXd> out(places.size(), Eigen::VectorXd(size_));
   std::vector<std::vector<Wanted>> groups;
   for (std::size_t p = 0; p < places.size(); ++p) {
-    try {
-      Wanted wanted{p, setting_at(*places[p].first, places[p].second), &out[p]};
-      const auto alike = std::ranges::find_if(
-          groups, [&](const auto& group) { return scaled(places[group.front().place], places[p]); });
-      if (alike == groups.end())
-        groups.push_back({std::move(wanted)});
-      else
-        alike->push_back(std::move(wanted));
-    } catch (const Error&) {
+    auto setting = possible_setting(*places[p].first, places[p].second);
+    if (!setting) {
       out[p].setConstant(unsolvable);
+      continue;
     }
+    Wanted wanted{p, *std::move(setting), &out[p]};
+    const auto alike = std::ranges::find_if(
+        groups, [&](const auto& group) { return scaled(places[group.front().place], places[p]); });
+    if (alike == groups.end())
+      groups.push_back({std::move(wanted)});
+    else
+      alike->push_back(std::move(wanted));
   }
   const auto ordered = parts();
   in_parallel(groups.size() * ordered.size(), threads_,

@@ -29,6 +29,8 @@ States states_of(const WhitenedRecordings& residuals, const Fit& fit, std::size_
   States s;
   s.model = model_for(setting.model, r.header);
   s.time = r.time;
+  auto options = residuals.simulation();
+  options.past = &r.header.past;
   for (auto* column : {&s.field, &s.charge, &s.displacement, &s.force, &s.stress, &s.plus, &s.minus})
     column->resize(r.time.size());
   simulate_at(s.model, r.knot_time, r.knot_field, r.time,
@@ -41,7 +43,7 @@ States states_of(const WhitenedRecordings& residuals, const Fit& fit, std::size_
                .stress = s.stress,
                .fraction_plus = s.plus,
                .fraction_minus = s.minus},
-              residuals.simulation());
+              options);
   s.stiffness = r.header.load.spring_stiffness;
   const auto& a = s.model.actuator;
   s.back = 1 / (1 + s.stiffness * s.model.material.compliance_180 * a.length / a.area);
