@@ -80,7 +80,6 @@ TEST(TableResiduals, HaveExactSlopes) {
   for (const auto* path :
        {"effects.dielectric_leakage.resistivity", "effects.logarithmic_creep.fraction_per_decade"})
     by.push_back(free_parameter(model, path));
-  ASSERT_TRUE(target->has_slopes());
   std::vector<double> here(target->size()), plain(target->size());
   Eigen::MatrixXd slopes;
   ASSERT_EQ(target->evaluate_with_slopes(model, fidelity, by, here, slopes), Solved::yes);

@@ -60,13 +60,12 @@ class ResidualModel {
   const std::vector<ResidualPart>& parts() const { return parts_; }
   // Fills `out`, size() long; it is undefined after Solved::no. Throws Error(cancelled) if the simulation is
   // stopped.
-  virtual Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const = 0;
-  // Whether evaluate_with_slopes() can be asked.
-  virtual bool has_slopes() const { return false; }
+  Solved evaluate(const Model& model, const Fidelity& fidelity, std::span<double> out) const;
   // The same with d residual / d value of `by`, a row for each residual. Solved::no also where only slopes
   // are not to be had.
-  virtual Solved evaluate_with_slopes(const Model&, const Fidelity&, const std::vector<FreeParameter>& by,
-                                      std::span<double> out, Eigen::MatrixXd& slopes) const;
+  Solved evaluate_with_slopes(const Model& model, const Fidelity& fidelity,
+                              const std::vector<FreeParameter>& by, std::span<double> out,
+                              Eigen::MatrixXd& slopes) const;
   // Names with the root mean square of what was compared: percent of the range, or of the logarithm of a
   // cell's ratio.
   virtual std::vector<std::pair<std::string, double>> summary(const Model& model,
@@ -86,6 +85,10 @@ class ResidualModel {
   virtual std::unique_ptr<Separable> separable(const Model&, const std::vector<FreeParameter>&) const;
 
  protected:
+  // Both of these; `slopes` is null where none are wanted, else residuals x `by`, filled with zeros. What is
+  // not finite counts as not solved.
+  virtual Solved fill(const Model& model, const Fidelity& fidelity, const std::vector<FreeParameter>& by,
+                      std::span<double> out, Eigen::MatrixXd* slopes) const = 0;
   std::size_t size_ = 0;
   std::vector<ResidualPart> parts_;
 };

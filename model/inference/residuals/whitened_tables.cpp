@@ -16,6 +16,14 @@ std::string with_unit(const recordings::PublishedTable& table, const std::pair<s
                            : fmt::format("{:g} {}", of.second, key->unit);
 }
 
+// Of all cells, in the order of cells_of().
+std::vector<double> errors_of(const std::vector<recordings::Comparison>& comparisons) {
+  std::vector<double> out;
+  for (const auto& comparison : comparisons)
+    for (const auto& cell : comparison.cells) out.push_back(weighted_error(cell));
+  return out;
+}
+
 }  // namespace
 
 std::vector<TableCell> cells_of(const PublishedExperiments& experiments) {
@@ -56,17 +64,11 @@ std::optional<Eigen::MatrixXd> WhitenedTableCells::slopes(const Hypothesis& hypo
   }
   auto options = simulation();
   options.most_steps = most_steps_of_a_run;
-  const auto errors = [](const std::vector<recordings::Comparison>& comparisons) {
-    std::vector<double> all;
-    for (const auto& comparison : comparisons)
-      for (const auto& cell : comparison.cells) all.push_back(weighted_error(cell));
-    return all;
-  };
   try {
     const auto around = experiments_.simulate_around(setting_at(hypothesis, z).model, paths, options);
     for (std::size_t p = 0; p < paths.size(); ++p) {
       if (!(around.by[p].apart > 0)) continue;
-      const auto below = errors(around.by[p].below), above = errors(around.by[p].above);
+      const auto below = errors_of(around.by[p].below), above = errors_of(around.by[p].above);
       const auto column = column_of[p];
       const double by = hypothesis.parameters[static_cast<std::size_t>(column)].slope(z[column]);
       for (std::size_t i = 0; i < chosen_.size(); ++i)
@@ -91,8 +93,7 @@ void WhitenedTableCells::fill(std::span<const Wanted> alike, std::size_t) const 
   options.most_steps = most_steps_of_a_run;
   // A table's cells have no gains: those alike are the same.
   try {
-    for (const auto& comparison : experiments_.simulate(alike.front().setting.model, options))
-      for (const auto& cell : comparison.cells) errors.push_back(weighted_error(cell));
+    errors = errors_of(experiments_.simulate(alike.front().setting.model, options));
   } catch (const Error& e) {
     if (e.code() == ErrorCode::cancelled) throw;
   }

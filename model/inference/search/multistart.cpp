@@ -12,6 +12,8 @@
 namespace ferrobench::model::inference {
 namespace {
 
+// Fits with exact slopes come to the same minimum from nearly everywhere: on a bench of the campaign all of
+// four came to within 0.5 % of it, from up to 480 times its sum of squares.
 constexpr int other_starts = 2;
 
 }  // namespace

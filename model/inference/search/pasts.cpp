@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "model/inference/residuals/simulated_rows.h"
+#include "model/inference/solver/covariance.h"
 #include "model/on_recording.h"
 
 namespace ferrobench::model {
@@ -37,19 +38,6 @@ struct Hypothesis {
   Misfit misfit;
   int numbers = 0;  // that were free
 };
-
-// 1 + 2 times the sum of the autocorrelation up to its first zero.
-double correlated_rows(const std::vector<double>& r) {
-  double variance = 0, sum = 1;
-  for (const double v : r) variance += v * v;
-  for (std::size_t lag = 1; lag < r.size() / 2 && variance > 0; ++lag) {
-    double rho = 0;
-    for (std::size_t i = lag; i < r.size(); ++i) rho += r[i] * r[i - lag];
-    if (rho <= 0) break;
-    sum += 2 * rho / variance;
-  }
-  return sum;
-}
 
 // Of one recording. Its pace is the mean of how fast its field goes.
 class Judge {
@@ -156,7 +144,9 @@ class Judge {
       left[k] = scale * (height * left[k] - column.value[k]);
       to.squares += left[k] * left[k];
     }
-    to.independent += std::max(1.0, static_cast<double>(left.size()) / correlated_rows(left));
+    to.independent +=
+        std::max(1.0, static_cast<double>(left.size()) /
+                          correlated_rows(Eigen::Map<const Eigen::VectorXd>(left.data(), std::ssize(left))));
   }
 
   std::span<const Model> models_;

@@ -13,8 +13,8 @@ namespace ferrobench::model::inference {
 
 struct SelectionTask {
   std::vector<const Effect*> candidates;
-  std::vector<Trial>
-      known{};              // explanations by one effect that were found from another fit of the base model
+  // Explanations by one effect that were found from another fit of the base model.
+  std::vector<Trial> known{};
   int most_domains = 0;     // of the fine simulation
   bool doubt_base = false;  // whether the base fit may have ended elsewhere than at its minimum
   // The drop that something that is no effect would still bring; null: not asked.

@@ -152,7 +152,7 @@ void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vect
   // Where an effect leaves next to nothing, those that stay far behind it need no other starts.
   if (auto& t = into.back(); rival < options_.misled_base * samples_) {
     if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);
-    if (t.fit.squares - options_.trusted_decrease * t.fit.predicted_decrease() > near.wanted) return;
+    if (!t.fit.may_reach(near.wanted, options_.trusted_decrease)) return;
   }
   // A second effect was screened beside the first, so its strength is about right.
   add(best_of(before.empty() ? starts_around(coarse_, *s.effect, s.values) : Starts{s.values}), true);

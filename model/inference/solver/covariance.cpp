@@ -3,9 +3,6 @@
 #include <algorithm>
 
 namespace ferrobench::model {
-namespace {
-
-// 1 + 2 times the sum of the autocorrelation up to its first zero.
 double correlated_rows(const Eigen::Ref<const Eigen::VectorXd>& r) {
   const auto n = r.size();
   const double variance = r.squaredNorm();
@@ -17,8 +14,6 @@ double correlated_rows(const Eigen::Ref<const Eigen::VectorXd>& r) {
   }
   return sum;
 }
-
-}  // namespace
 
 Eigen::MatrixXd covariance(const std::vector<ResidualPart>& parts, const Eigen::VectorXd& residuals,
                            const Eigen::MatrixXd& slopes) {

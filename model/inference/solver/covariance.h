@@ -20,6 +20,9 @@
 
 namespace ferrobench::model {
 
+// t: 1 + 2 times the sum of the autocorrelation of the residuals up to its first zero.
+double correlated_rows(const Eigen::Ref<const Eigen::VectorXd>& residuals);
+
 // Of the unit coordinates, by the residuals and their slopes at the minimum.
 Eigen::MatrixXd covariance(const std::vector<ResidualPart>& parts, const Eigen::VectorXd& residuals,
                            const Eigen::MatrixXd& slopes);

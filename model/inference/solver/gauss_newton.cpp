@@ -113,6 +113,10 @@ double Fit::predicted_decrease() const {
   return pull.dot(normal().ldlt().solve(pull));
 }
 
+bool Fit::may_reach(double wanted, double trusted_decrease) const {
+  return squares - trusted_decrease * predicted_decrease() <= wanted;
+}
+
 Eigen::VectorXd Fit::corrected(Eigen::VectorXd simulated) const {
   if (fidelity_correction.size() > 0) simulated += fidelity_correction;
   return simulated;
@@ -152,11 +156,9 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
   bool ended = false;
   for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
     const double enough = std::max(options.enough, 1e-4 * gained);
-    if (out.fresh) {
-      const double predicted = out.predicted_decrease();
-      if (ended || predicted < enough) break;
-      if (out.squares - options.trusted_decrease * predicted > options.wanted) break;
-    }
+    if (out.fresh && (ended || out.predicted_decrease() < enough ||
+                      !out.may_reach(options.wanted, options.trusted_decrease)))
+      break;
     if (options.tick) options.tick();
     const auto next = next_step(residuals, out, damping);
     double gain = 0;
@@ -173,6 +175,8 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
       }
     }
     ended = (gain > 0 ? gain : next.promised) < enough;
+    // Directions that only priors hold want next to no damping, so it falls fast where a step kept its
+    // promise.
     damping *= gain <= 0                                         ? 8
                : gain < 0.5 * next.promised || next.share < 0.5  ? 2
                : gain > 0.9 * next.promised && next.share > 0.75 ? 0.02

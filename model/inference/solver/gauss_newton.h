@@ -30,8 +30,11 @@ struct Fit {
   double squares = 0;        // of residual and priors
   bool fresh = false;        // the Jacobian was made at z
 
-  Eigen::MatrixXd normal() const;     // J^T J and the priors' precision: the information matrix
-  Eigen::VectorXd gradient() const;   // half of that of `squares`
+  Eigen::MatrixXd normal() const;    // J^T J and the priors' precision: the information matrix
+  Eigen::VectorXd gradient() const;  // half of that of `squares`
+  // Whether `squares` may come down to `wanted` if it falls by so many times what a Gauss-Newton step
+  // promises.
+  bool may_reach(double wanted, double trusted_decrease) const;
   double predicted_decrease() const;  // of `squares` by a full Gauss-Newton step, were the residual linear
   Eigen::VectorXd corrected(Eigen::VectorXd simulated) const;
 };

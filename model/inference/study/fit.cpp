@@ -146,7 +146,6 @@ class Study {
 
   // Empty if differences must do.
   SlopeFunction slopes(const ResidualModel& residuals, const Fidelity& fidelity) {
-    if (!residuals.has_slopes()) return {};
     return [this, &residuals, &fidelity](std::span<const double> unit, std::span<double> out,
                                          Eigen::MatrixXd& slopes) {
       watch_.count();
