@@ -14,6 +14,8 @@ export class Experiment {
     this.allowed = false;
     this.plot = makePreview(byId("preview-plot"));
     this.wait = null;
+    this.choice = 0; // of a protocol, and of what to preview: an answer to an earlier one comes too late
+    this.asked = 0;
     byId("protocol").addEventListener("change", () => this.#choose(byId("protocol").value));
     byId("use-text").addEventListener("click", () => this.#useText());
     byId("protocol-file").addEventListener("change", (event) => this.#useFile(event.target.files[0]));
@@ -46,10 +48,12 @@ export class Experiment {
 
   async #choose(name) {
     if (name === own) return;
+    const choice = ++this.choice;
     try {
-      this.#take((await this.rpc.call("protocol.get", { name })).protocol);
+      const { protocol } = await this.rpc.call("protocol.get", { name });
+      if (choice === this.choice) this.#take(protocol);
     } catch (error) {
-      showError("The protocol could not be read.", error);
+      if (choice === this.choice) showError("The protocol could not be read.", error);
     }
   }
 
@@ -84,6 +88,7 @@ export class Experiment {
     } catch (error) {
       return showError("The text is not JSON.", error);
     }
+    ++this.choice;
     this.#addOwn();
     return this.#take(protocol);
   }
@@ -112,8 +117,10 @@ export class Experiment {
 
   async #preview() {
     clearTimeout(this.wait);
+    const asked = ++this.asked;
     try {
       const p = await this.rpc.call("protocol.preview", this.#program());
+      if (asked !== this.asked) return;
       byId("preview").hidden = false;
       this.plot.set(p.time, p.min, p.max);
       facts(byId("preview-facts"), [["Takes", duration(p.duration_s)], ["Samples", `${count(p.samples)} at ${quantity(p.sample_rate_Hz, "Hz")}`],
@@ -121,6 +128,7 @@ export class Experiment {
       if (p.problems?.length) showError("The guard would refuse this program:", { message: "it goes beyond the limits in force.", problems: p.problems });
       else clearErrors();
     } catch (error) {
+      if (asked !== this.asked) return;
       byId("preview").hidden = true;
       showError("This program cannot be run as it stands.", error);
     }
