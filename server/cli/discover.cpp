@@ -19,6 +19,7 @@ struct DiscoverCommand {
   std::string model{}, json{}, report{}, improved{};
   int threads = 0;
   std::uint64_t seed = 1;
+  double floor = model::DiscoverOptions{}.floor;
 };
 
 std::vector<std::string> split_names(const std::vector<std::string>& given) {
@@ -59,6 +60,7 @@ std::optional<Findings> discover_there(const DiscoverCommand& o, const std::vect
                                      {"held_out", held_out(o)},
                                      {"model", model_argument(o.model)},
                                      {"seed", o.seed},
+                                     {"floor", o.floor},
                                      {"threads", o.threads}});
   const auto& result = status.at("result");
   if (result.is_null()) return std::nullopt;
@@ -80,6 +82,7 @@ std::optional<Findings> discover_here(const DiscoverCommand& o, const Common& co
   options.held_out = held_out(o);
   options.threads = o.threads;
   options.seed = o.seed;
+  options.floor = o.floor;
   options.progress = [&](const model::DiscoverProgress& p) {
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     line.show(p.stage, p.fraction, p.fraction > 0.02 ? spent.count() * (1 - p.fraction) / p.fraction : -1);
@@ -138,6 +141,10 @@ void add_discover(CLI::App& app, Common& common) {
       ->type_name("NAME,...")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  sub->add_option("--floor", o->floor,
+                  "what is left counts as material above this share of a channel's range")
+      ->type_name("SHARE")
+      ->capture_default_str();
   sub->add_option("--json", o->json, "file of the whole result; - for standard output")
       ->type_name("OUT.json");
   sub->add_option("--report", o->report, "file of the report, a page with pictures")->type_name("OUT.html");

@@ -16,6 +16,7 @@ struct DiscoveryParams {
   json model{};
   std::string name{};
   std::int64_t seed = 1, threads = 0;
+  double floor = model::DiscoverOptions{}.floor;
 };
 template <class Visitor>
 void describe(Visitor& visit, DiscoveryParams& p) {
@@ -29,6 +30,11 @@ void describe(Visitor& visit, DiscoveryParams& p) {
   visit("name", p.name, {.doc = "keeps the improved model under this name"});
   visit("seed", p.seed, {.min = 0, .doc = "of the recalibration's other starts"});
   visit("threads", p.threads, {.min = 0, .max = 256, .doc = "0: as many as the machine has"});
+  visit("floor", p.floor,
+        {.min = 0,
+         .max = 1,
+         .exclusive_min = true,
+         .doc = "what is left counts as material above this share of a channel's range"});
 }
 struct DiscoveryJob {
   std::string job{};
@@ -67,6 +73,7 @@ json search_discrepancy(Engine& engine, const DiscoveryParams& p, Jobs::Handle& 
   options.held_out = p.held_out;
   options.seed = static_cast<std::uint64_t>(p.seed);
   options.threads = static_cast<int>(p.threads);
+  options.floor = p.floor;
   options.progress = [&job](const model::DiscoverProgress& progress) {
     job.say(progress.fraction, progress.stage);
     return !job.cancelled();
@@ -94,6 +101,12 @@ json discovery_schema() {
             object({{"recording", text()}, {"channel", text()}, {"segment", any()}, {"excess", number()}}))},
        {"recalibrated", map_of(object({{"from", number()}, {"to", number()}, {"std", number()}}))},
        {"gap", any_object("residual over noise, before and after")},
+       {"left", map_of(object({{"over_noise", number()}, {"of_range", number()}, {"model_error", number()}}))},
+       {"share", number("", "of the excess over noise that the explanation removes; 0 to 1")},
+       {"share_held_out", number("", "likewise, on recordings that were locked away")},
+       {"remainder", or_null(any_object("what is left, where it is material: family, channel, segment, "
+                                        "of_range"))},
+       {"pasts", list_of(any_object("of a recording, and whether it was chosen"))},
        {"model", any_object("the improved one")},
        {"findings", list_of(text(), "in sentences")}},
       any());

@@ -223,6 +223,13 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
 }
 
 Whitening::Whitening(const NoiseModel& noise, std::span<const double> times) {
+  if (noise.model_error > 0) {
+    decay_.assign(times.size(), 0);
+    gain_.assign(times.size(), 0);
+    inverse_std_.assign(times.size(),
+                        1 / (std::hypot(noise.std(), noise.model_error) * std::sqrt(noise.rows_as_one)));
+    return;
+  }
   const double slow = noise.slow * noise.slow, white = noise.white * noise.white;
   double variance = slow;
   for (std::size_t i = 0; i < times.size(); ++i) {

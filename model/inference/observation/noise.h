@@ -4,6 +4,15 @@
 // continuous time). Its level comes from second differences (statistics.h), which signals hardly touch; its
 // colour from the autocovariance within the quiet windows of the recording, detrended by a quartic. A tone
 // is no noise and is taken out before.
+//
+// A model that is wrong a little everywhere misses by more than noise, and over many rows in the same
+// direction. That error is taken as a second variance, and rows that go together count as one (a power
+// likelihood: P. G. Bissiri, C. C. Holmes and S. G. Walker, J. R. Statist. Soc. B 78 (2016) 1103):
+//
+//   -2 ln L = sum over rows of miss^2 / ((noise^2 + error^2) t),   t the integrated autocorrelation, rows
+//
+// A stationary process along the program in its place (Ornstein-Uhlenbeck) would weigh how fast the miss
+// changes, and a slow error of many percent next to nothing, while what a laboratory wants small is the miss.
 #pragma once
 
 #include <span>
@@ -17,7 +26,9 @@ struct NoiseModel {
   double white = 0;             // standard deviation
   double slow = 0;              // standard deviation of the correlated part
   double correlation_time = 0;  // s
-  double std() const;
+  double model_error = 0;       // standard deviation of the model's own error; 0: it has none
+  double rows_as_one = 1;       // t, where the model has one
+  double std() const;           // of the noise alone
 };
 
 // By recording and channel, in the order of the bench.

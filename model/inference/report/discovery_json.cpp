@@ -58,6 +58,23 @@ nlohmann::json to_json(const Discovery& d) {
   for (const auto& [path, r] : d.recalibrated)
     out["recalibrated"][path] = {{"from", r.from}, {"to", r.to}, {"std", r.std}};
   out["gap"] = {{"train", gap(d.train)}, {"held_out", gap(d.held_out)}};
+  out["left"] = json::object();
+  for (const auto& [channel, l] : d.left)
+    out["left"][std::string(recordings::channel_name(channel))] = {
+        {"over_noise", l.over_noise}, {"of_range", l.of_range}, {"model_error", l.model_error}};
+  out["share"] = d.share;
+  out["share_held_out"] = d.share_held_out;
+  out["remainder"] = nullptr;
+  if (d.remainder)
+    out["remainder"] = {{"family", family_name(d.remainder->family)},
+                        {"channel", recordings::channel_name(d.remainder->channel)},
+                        {"segment", d.remainder->segment},
+                        {"of_range", d.remainder->of_range}};
+  out["pasts"] = json::array();
+  for (const auto& p : d.pasts) {
+    out["pasts"].push_back(protocols::to_json(p.past));
+    out["pasts"].back().update({{"recording", p.recording}, {"chosen", p.chosen}});
+  }
   out["equivalent"] = d.equivalent;
   out["not_testable"] = d.not_testable;
   out["smallest_detectable"] = d.smallest_detectable;

@@ -43,6 +43,7 @@ WhitenedRecordings::WhitenedRecordings(const std::vector<BenchRecording>& bench,
       }
       block.count = static_cast<Eigen::Index>(block.rows.size());
       size_ += block.count;
+      samples_ += static_cast<double>(block.count) / noise_[r][c].rows_as_one;
       Prepared p{.whitening = Whitening(noise_[r][c], times),
                  .constant = Eigen::VectorXd::Ones(block.count),
                  .share = 0};

@@ -25,6 +25,8 @@ class WhitenedResiduals {
   virtual ~WhitenedResiduals() = default;
 
   Eigen::Index size() const { return size_; }
+  // Rows that are independent of each other: all of them, unless the model has an error of its own.
+  double samples() const { return samples_; }
   int threads() const { return threads_; }
   int simulations() const { return simulations_; }  // of the whole set
   const SimulationOptions& simulation() const { return simulation_; }
@@ -76,6 +78,7 @@ class WhitenedResiduals {
   virtual void fill(std::span<const Wanted> alike, std::size_t part) const = 0;
   static constexpr double unsolvable = 1e6;
   Eigen::Index size_ = 0;
+  double samples_ = 0;
 
  private:
   SimulationOptions simulation_;

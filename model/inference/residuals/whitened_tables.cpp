@@ -48,6 +48,7 @@ WhitenedTableCells::WhitenedTableCells(const PublishedExperiments& experiments,
                                        int threads)
     : WhitenedResiduals(simulation, threads), experiments_(experiments), chosen_(std::move(chosen)) {
   size_ = static_cast<Eigen::Index>(chosen_.size());
+  samples_ = static_cast<double>(size_);
 }
 
 std::optional<Eigen::MatrixXd> WhitenedTableCells::slopes(const Hypothesis& hypothesis,

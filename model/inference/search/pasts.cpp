@@ -28,6 +28,12 @@ constexpr int refinements = 8;
 // nearer than that is no likelier.
 constexpr double not_seen = 0.5;
 
+// A presumed past that leaves less than this of each channel's range, in percent, is not doubted: what a model
+// misses for other reasons is no less, while a start from the wrong side leaves 20 or more.
+constexpr double little = 3;
+// The share of what the presumed past leaves that another one may leave to be believed.
+constexpr double much_less = 0.5;
+
 struct Misfit {
   double squares = std::numeric_limits<double>::infinity();
   double independent = 1;  // rows
@@ -35,7 +41,7 @@ struct Misfit {
 
 struct Hypothesis {
   Past past;
-  Misfit misfit;
+  Misfit misfit{};
   int numbers = 0;  // that were free
 };
 
@@ -54,6 +60,15 @@ class Judge {
   }
 
   Past likeliest() {
+    if (!choice_.presumed) return likeliest_of_all().past;
+    const double presumed = misfit(*choice_.presumed).squares;
+    if (presumed <= little * little * static_cast<double>(data_.columns.size())) return *choice_.presumed;
+    const auto best = likeliest_of_all();
+    return best.misfit.squares < much_less * presumed ? best.past : *choice_.presumed;
+  }
+
+ private:
+  Hypothesis likeliest_of_all() {
     std::vector<Hypothesis> all;
     const auto add = [&](const Past& past, int numbers) { all.push_back({past, misfit(past), numbers}); };
     for (const auto from : {FirstState::poled_plus, FirstState::poled_minus, FirstState::unpoled})
@@ -65,17 +80,14 @@ class Judge {
     }
     const auto* best =
         &*std::ranges::min_element(all, {}, [](const Hypothesis& h) { return h.misfit.squares; });
-    if (!std::isfinite(best->misfit.squares)) return data_.past;
+    if (!std::isfinite(best->misfit.squares)) return {data_.past};
     const double n = best->misfit.independent;
     const double floor = not_seen * not_seen * static_cast<double>(data_.columns.size());
-    return std::ranges::min_element(all, {},
-                                    [&](const Hypothesis& h) {
-                                      return n * std::log(h.misfit.squares + floor) + h.numbers * std::log(n);
-                                    })
-        ->past;
+    return *std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
+      return n * std::log(h.misfit.squares + floor) + h.numbers * std::log(n);
+    });
   }
 
- private:
   Past visited(double level, bool unpoled) const {
     const auto far_side = level < 0 ? FirstState::poled_plus : FirstState::poled_minus;
     return {PastKind::visited, unpoled ? FirstState::unpoled : far_side, {{level, std::abs(level) / pace_}}};

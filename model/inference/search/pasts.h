@@ -12,6 +12,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,10 +21,19 @@
 
 namespace ferrobench::model {
 
+struct FittedPast {
+  std::string recording;  // its title, or the name that it was given by
+  protocols::Past past;
+  bool chosen = false;  // as the likeliest; else the recording says so itself
+};
+
 struct PastChoice {
   Fidelity fidelity;
   bool heights_are_free = false;
   bool cycled_alone = false;      // no other kind
+  // Kept where it leaves little of the recording, or where no other leaves at most half as much of its sum of
+  // squares: the model may be wrong in more than the past.
+  std::optional<protocols::Past> presumed{};
   std::function<void()> count{};  // before each simulation, from several threads; may throw
 };
 

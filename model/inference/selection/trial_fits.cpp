@@ -39,7 +39,7 @@ TrialFits::TrialFits(const WhitenedResiduals& coarse, WhitenedResiduals& fine, c
       base_(base),
       task_(task),
       options_(options),
-      samples_(static_cast<double>(coarse.size())) {}
+      samples_(coarse.samples()) {}
 
 void TrialFits::tick(const std::string& stage, double fraction) const {
   if (task_.tick) task_.tick(stage, fraction);

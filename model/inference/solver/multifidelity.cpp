@@ -37,7 +37,7 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
     if ((coarse.evaluate(base, z) - exact).norm() <
-        coarse_error * std::sqrt(static_cast<double>(exact.size())))
+        coarse_error * std::sqrt(coarse.samples()))
       break;
   }
   return error;
@@ -57,7 +57,7 @@ ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothes
     fine.simulate_by(simulation);
     if (squares < unnoticed || 2 * simulation.domains > most_domains)
       return {std::move(residual),
-              std::sqrt(squares / static_cast<double>(std::max<Eigen::Index>(1, fine.size())))};
+              std::sqrt(squares / std::max(1.0, fine.samples()))};
   }
 }
 

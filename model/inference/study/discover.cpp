@@ -25,6 +25,9 @@ constexpr std::size_t rows_together = 40000;
 constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
 constexpr int most_domains = 16000;
 
+// A choice of pasts simulates by so many domains at this tolerance, as the starts of a fit do (study/fit.h).
+constexpr SimulationOptions for_pasts{.tolerance = 1e-3, .domains = 128};
+
 using Clock = std::chrono::steady_clock;
 
 struct Session {
@@ -38,6 +41,36 @@ struct Session {
   std::vector<std::vector<NoiseModel>> noise;
   std::vector<std::size_t> train, held_out;
 };
+
+// Gives recordings that name no past the likeliest one under the model. Poled towards + is presumed, as the
+// simulator does.
+void choose_unknown_pasts(const Model& base, std::vector<NamedRecording>& recordings, Session& s) {
+  std::vector<RecordingData> data;
+  data.reserve(recordings.size());
+  for (const auto& r : recordings) data.push_back(prepare(r.recording));
+  const PastChoice choice{.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true},
+                          .heights_are_free = true,
+                          .presumed = protocols::Past{protocols::PastKind::poled_plus}};
+  const auto pasts = choose_pasts({&base, 1}, data, choice);
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    auto& past = recordings[i].recording.header.past;
+    s.out.pasts.push_back({recordings[i].name, pasts[i], !past.known()});
+    past = pasts[i];
+  }
+}
+
+// Where most is left in the channel whose model error is largest over its range, if that is material.
+std::optional<Remainder> remainder_of(const Session& s, const WhitenedRecordings& coarse, const Fit& fit,
+                                      const std::vector<Excess>& where) {
+  const auto worst =
+      std::ranges::max_element(s.out.left, {}, [](const auto& l) { return l.second.model_error; });
+  if (worst == s.out.left.end() || worst->second.model_error <= s.options.floor) return std::nullopt;
+  const auto place = std::ranges::find(where, worst->first, &Excess::channel);  // sorted, worst first
+  return Remainder{.family = fit_residual_basis(coarse, fit).family,
+                   .channel = worst->first,
+                   .segment = place == where.end() ? "" : place->segment,
+                   .of_range = worst->second.model_error};
+}
 
 void split(Session& s, const std::vector<bool>& held) {
   s.train.clear();
@@ -99,11 +132,18 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
              coarse.marginalize_drive(f.hypothesis, f.z);
              fine.marginalize_as(coarse);
            },
+       .is_gross = [&](const Fit&) { return getenv("FB_DEBUG") != nullptr; },
        .beyond_effects = [&](const Fit& f) { return fit_residual_basis(coarse, f).beyond_chance; },
        .tick = s.tick},
       s.out.health);
 
   auto& out = s.out;
+  if (getenv("FB_DEBUG")) {
+    const auto p = predict(fine, coarse, found.base);
+    for (auto& [c, l] : left_by_channel(fine, p.standardized))
+      fprintf(stderr, "BASE %s over %.2f range %.4f error %.4f\n", std::string(recordings::channel_name(c)).c_str(), l.over_noise, l.of_range, l.model_error);
+    if (found.gross) throw Error(ErrorCode::internal, "gross");
+  }
   summarize(found, s.options.selection, out);
   const Fit &fitted = found.base, &after = found.after();
   if (s.train.size() > 1 && !out.explanations.empty()) {
@@ -130,6 +170,10 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   out.where = excess_by_segment_class(fine, before_it.standardized);
   out.train.before = rms_by_channel(fine, before_it.standardized);
   out.train.after = rms_by_channel(fine, after_it.standardized);
+  out.share = share_explained(before_it.standardized, after_it.standardized);
+  out.left = left_by_channel(fine, after_it.standardized);
+  out.remainder =
+      remainder_of(s, coarse, after, excess_by_segment_class(fine, after_it.standardized));
   if (!s.held_out.empty()) {
     const WhitenedRecordings locked(s.bench, s.noise, s.held_out, fine.simulation(), s.threads);
     const WhitenedRecordings locked_coarse(s.bench, s.noise, s.held_out, coarse.simulation(), s.threads);
@@ -138,6 +182,7 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
     unexplained_locked = unexplained(locked, locked_before.standardized, s.options.selection);
     out.held_out.before = rms_by_channel(locked, locked_before.standardized);
     out.held_out.after = rms_by_channel(locked, locked_after.standardized);
+    out.share_held_out = share_explained(locked_before.standardized, locked_after.standardized);
     out.traces = traces(locked, locked_before, locked_after, 2, true);
   }
   for (auto& t : traces(fine, before_it, after_it, 4, false)) out.traces.push_back(std::move(t));
@@ -152,10 +197,13 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
                    const DiscoverOptions& options) {
   using namespace inference;
   check_selection(options.selection);
+  check_floor(options.floor);
   Session s(options);
   s.tick("reading the recordings", 0);
   const auto candidates = candidates_of(base, options.candidates);
   for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
+  s.tick("choosing the specimen's past", 0.005);
+  choose_unknown_pasts(base, recordings, s);
   s.bench =
       prepare_bench(base, recordings, rows_together, s.out.health.warnings, stoppable({}, options).stop);
   recordings.clear();

@@ -15,6 +15,7 @@
 
 #include "model/effects/catalogue.h"
 #include "model/inference/dataset/bench.h"
+#include "model/inference/search/pasts.h"
 #include "model/inference/selection/explanation.h"
 #include "model/inference/selection/selection_options.h"
 #include "model/model.h"
@@ -41,6 +42,22 @@ using ChannelFigures = std::map<recordings::Channel, double>;
 struct Gap {
   std::vector<std::string> recordings;
   ChannelFigures before, after;
+};
+
+// What is left of a channel, root mean squares over its rows of all recordings that were learned from.
+struct Left {
+  double over_noise = 0;
+  double of_range = 0;     // 0.01: one percent of the range
+  double model_error = 0;  // standard deviation of the model's own error, over the range: what noise leaves of
+                           // the line above
+};
+
+// What is left where that is material: more than DiscoverOptions::floor of a channel's range.
+struct Remainder {
+  Family family = Family::kinetics;  // whose functions take most of it (selection/residual_basis.h)
+  recordings::Channel channel = recordings::Channel::displacement;
+  std::string segment;  // in which most is left
+  double of_range = 0;  // the model's error there, over the range
 };
 
 // For a picture: a segment of a recording where the gap is seen best.
@@ -86,6 +103,13 @@ struct Discovery {
   std::vector<Excess> where;     // worst first, after the recalibration of the base model
   std::map<std::string, Recalibration> recalibrated;
   Gap train, held_out;
+  // After the explanation; where something of it is material, what that is.
+  std::map<recordings::Channel, Left> left;
+  std::optional<Remainder> remainder;
+  // Of the excess (sum of squares above that of the noise, all channels) that the base model leaves, the share
+  // that the improved one takes away, 0 to 1, on recordings that were learned from and on those that were not.
+  double share = 0, share_held_out = 0;
+  std::vector<FittedPast> pasts;  // as recorded or, where nothing was, as chosen
   std::vector<std::vector<std::string>> equivalent;
   std::vector<std::string> not_testable;
   std::map<std::string, std::map<std::string, double>> smallest_detectable;
@@ -111,6 +135,8 @@ struct DiscoverOptions {
   // Effects that may be named; empty: the whole catalogue, and for tables what of it is not the drive's or a
   // sensor's.
   std::vector<std::string> candidates;
+  // What is left counts as material above this share of a channel's range.
+  double floor = 0.002;
   std::uint64_t seed = 1;
   int threads = 0;  // 0: as many as the machine has
   inference::SelectionOptions selection{};

@@ -63,6 +63,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
                              const DiscoverOptions& options) {
   using namespace inference;
   check_selection(options.selection);
+  check_floor(options.floor);
   const auto begin = std::chrono::steady_clock::now();
   const auto tick = ticker(options);
   const int threads = threads_of(options);

@@ -21,6 +21,7 @@
 
 #include "model/inference/parameters/parameters.h"
 #include "model/inference/residuals/residual_model.h"
+#include "model/inference/search/pasts.h"
 
 namespace ferrobench::model {
 
@@ -63,12 +64,6 @@ struct FittedParameter {
   // Not at a bound, and its interval is no more than half of its range, in the logarithm where that is the
   // scale.
   bool determined = false;
-};
-
-struct FittedPast {
-  std::string recording;  // its title
-  protocols::Past past;
-  bool chosen = false;  // by the fit; else the recording says so itself
 };
 
 struct FitResult {

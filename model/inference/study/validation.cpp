@@ -55,6 +55,49 @@ ChannelFigures rms_by_channel(const WhitenedRecordings& residuals, const Signals
   return out;
 }
 
+std::map<recordings::Channel, Left> left_by_channel(const WhitenedRecordings& residuals,
+                                                    const Signals& standardized) {
+  struct Sums {
+    Squares over_noise, of_range;
+    double noise = 0;  // sum over the rows of the noise's variance over the range's square
+  };
+  std::map<recordings::Channel, Sums> sums;
+  for (std::size_t i = 0; i < standardized.size(); ++i) {
+    const std::size_t r = residuals.chosen()[i];
+    for (std::size_t c = 0; c < standardized[i].size(); ++c) {
+      const auto& m = residuals.bench()[r].channels[c];
+      const double noise = residuals.noise_of(r, c) / m.range;
+      auto& to = sums[m.channel];
+      for (const double e : standardized[i][c]) {
+        to.over_noise.add(e);
+        to.of_range.add(e * noise);
+        if (!std::isnan(e)) to.noise += noise * noise;
+      }
+    }
+  }
+  std::map<recordings::Channel, Left> out;
+  for (const auto& [channel, s] : sums) {
+    if (s.over_noise.count == 0) continue;
+    const auto rows = static_cast<double>(s.of_range.count);
+    out[channel] = {.over_noise = std::sqrt(s.over_noise.mean()),
+                    .of_range = std::sqrt(s.of_range.mean()),
+                    .model_error = std::sqrt(std::max(0.0, s.of_range.sum - s.noise) / rows)};
+  }
+  return out;
+}
+
+double share_explained(const Signals& before, const Signals& after) {
+  const auto excess = [](const Signals& standardized) {
+    Squares squares;
+    for (const auto& recording : standardized)
+      for (const auto& channel : recording)
+        for (const double e : channel) squares.add(e);
+    return squares.sum - static_cast<double>(squares.count);
+  };
+  const double was = excess(before), is = excess(after);
+  return was > 0 ? std::clamp(1 - is / was, 0.0, 1.0) : 0;
+}
+
 std::set<std::size_t> unexplained(const WhitenedRecordings& residuals, const Signals& standardized,
                                   const SelectionOptions& options) {
   std::set<std::size_t> out;

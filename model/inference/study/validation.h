@@ -26,6 +26,10 @@ ChannelFigures rms_by_channel(const WhitenedRecordings& residuals, const Signals
 // Recordings (indices in the bench) with a channel that shows lack of fit.
 std::set<std::size_t> unexplained(const WhitenedRecordings& residuals, const Signals& standardized,
                                   const SelectionOptions& options);
+std::map<recordings::Channel, Left> left_by_channel(const WhitenedRecordings& residuals,
+                                                    const Signals& standardized);
+// The share of the excess before that is gone after, 0 to 1; 0 where there was none.
+double share_explained(const Signals& before, const Signals& after);
 // By recording, channel and class of segment; worst first.
 std::vector<Excess> excess_by_segment_class(const WhitenedRecordings& residuals, const Signals& standardized);
 

@@ -106,17 +106,32 @@ void check_selection(const SelectionOptions& options) {
                 Problem{.path = "/selection", .message = problem});
 }
 
+void check_floor(double floor) {
+  if (!(floor > 0 && floor < 1))
+    throw Error(ErrorCode::invalid_params, "the floor is no share of a range",
+                Problem{.path = "/floor",
+                        .message = "must be above 0 and below 1",
+                        .given = floor,
+                        .hint = "0.002 is 0.2 % of a channel's range"});
+}
+
 WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
                             const WorkflowOptions& options, Health& health) {
   const auto& selection = options.selection;
   WorkflowResult out;
-  out.samples = static_cast<double>(coarse.size());
+  out.samples = coarse.samples();
   auto recalibrated =
       fit_base(coarse, fine, base,
                {.seed = options.seed, .roughly_fitted = options.roughly_fitted, .tick = options.tick});
   health.starts = recalibrated.starts;
   health.start_spread = recalibrated.spread;
   out.base = std::move(recalibrated.fit);
+  if (options.is_gross && options.is_gross(out.base)) {
+    out.gross = true;
+    out.selection.verdict = Verdict::unknown;
+    out.selection.probability_unknown = 1;
+    return out;
+  }
   double begun = 0.3;
   for (std::size_t again = 0; again <= selection.base_restarts; ++again) {
     const auto known = std::move(out.forward.trials);

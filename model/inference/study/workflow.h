@@ -22,6 +22,7 @@ Ticker ticker(const DiscoverOptions& options);
 void check_held_out(const std::vector<std::string>& wanted, const std::vector<std::string>& names);
 // Throws Error(invalid_params) if they make no sense.
 void check_selection(const SelectionOptions& options);
+void check_floor(double floor);
 
 struct WorkflowOptions {
   std::vector<const Effect*> candidates;
@@ -30,6 +31,9 @@ struct WorkflowOptions {
   SelectionOptions selection;
   // Called once the base model stands roughly; changes the residuals.
   std::function<void(const Fit&)> roughly_fitted;
+  // Whether the recalibrated base is so far off that no single effect may be expected to explain the rest; then
+  // none is looked for. Null: never.
+  std::function<bool(const Fit&)> is_gross{};
   // The drop that functions of the signals would still bring; null: not asked.
   std::function<double(const Fit&)> beyond_effects;
   Ticker tick;
@@ -41,6 +45,7 @@ struct WorkflowResult {
   ModelSelection selection;
   double samples = 0;
   const Trial* best = nullptr;  // what is added to the model, if anything
+  bool gross = false;           // the base is far off; nothing was looked for
 
   const Fit& after() const { return best != nullptr ? best->fit : base; }
 };

@@ -1,0 +1,50 @@
+// Where no explanation is enough the gap is narrowed all the same: the base model gets terms, each of which must
+// make it likelier and must hold on recordings that were locked away, however little is known of why.
+//
+// The model stays wrong by more than noise, so its own error is part of the likelihood (observation/noise.h),
+// estimated again after every term. With s_k the sum of squares that a model with k more numbers leaves of n
+// independent rows, a term has to earn
+//
+//   n ln(s_0 / s_k) - k ln(n) > least_gain
+//
+// Effects of the catalogue come first, then data-driven terms (model/effects/empirical.h) at the port where they
+// gain most; the weights of these have a normal prior, whose width, and the time constant of their memory, are
+// those of the largest marginal likelihood (Laplace's approximation).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "model/inference/study/validation.h"
+
+namespace ferrobench::model::inference {
+
+struct ImprovementTask {
+  const std::vector<BenchRecording>* bench = nullptr;
+  const std::vector<std::vector<NoiseModel>>* noise = nullptr;
+  std::vector<std::size_t> train, held_out;
+  std::vector<const Effect*> candidates;
+  SimulationOptions simulation;  // the fine one; what stops it is used in all
+  int threads = 1;
+  double floor = 0;  // of the range: an error below this is not worked on
+  std::function<void(const std::string& stage, double fraction)> tick;
+};
+
+struct AddedTerm {
+  const Effect* effect = nullptr;
+  double share = 0;           // of the excess that stood before it, on recordings that were learned from
+  double share_held_out = 0;  // likewise, on the others
+};
+
+struct Improvement {
+  Hypothesis hypothesis;
+  Eigen::VectorXd z;
+  std::vector<AddedTerm> added;
+  // Of the parameters of `hypothesis`, unit scales.
+  Eigen::MatrixXd covariance;
+};
+
+// From a base model at z. `least_gain` as above.
+Improvement improve(const Hypothesis& base, const Eigen::VectorXd& z, const ImprovementTask& task);
+
+}  // namespace ferrobench::model::inference
