@@ -14,76 +14,78 @@ namespace ferrobench::model {
 class PlainTerm {
  public:
   PlainTerm(const std::map<std::string, double>& parameters, const std::string& id) {
-    for (const auto& [name, value] : parameters)
-      if (name.starts_with(id + ".")) p_[name.substr(id.size() + 1)] = value;
+    const auto of = [&](const std::string& name) {
+      const auto found = parameters.find(id + "." + name);
+      return found == parameters.end() ? 0 : found->second;
+    };
+    const auto read = [&](const std::string& name, auto& weights) {
+      for (std::size_t i = 0; i < weights.size(); ++i) weights[i] = of(name + "_" + std::to_string(i));
+    };
+    amplitude_ = of("amplitude");
+    field_scale_ = of("field_scale");
+    time_constant_ = of("time_constant");
+    read("field", field_);
+    read("order", by_order_);
+    read("ninety", by_ninety_);
+    read("play", by_play_);
+    by_lag_ = {of("lag_field"), of("lag_order"), of("lag_ninety")};
   }
 
   void start(double field, double order, double ninety) {
-    if (p_.empty()) return;
-    e_ = field / p_.at("field_scale");
-    order_ = lag_order_ = order;
-    ninety_ = lag_ninety_ = ninety;
-    lag_field_ = e_;
-    push(e_);
+    if (field_scale_ == 0) return;
+    now_ = lag_ = {field / field_scale_, order, ninety};
+    push();
     at_start_ = value();
   }
   void step(double dt, double field, double order, double ninety) {
-    if (p_.empty()) return;
-    e_ = field / p_.at("field_scale");
-    order_ = order;
-    ninety_ = ninety;
-    push(e_);
-    if (!p_.contains("time_constant")) return;
-    const double share = dt / p_.at("time_constant");
-    lag_field_ += share * (e_ - lag_field_);
-    lag_order_ += share * (order_ - lag_order_);
-    lag_ninety_ += share * (ninety_ - lag_ninety_);
+    if (field_scale_ == 0) return;
+    now_ = {field / field_scale_, order, ninety};
+    push();
+    if (time_constant_ > 0)
+      for (std::size_t k = 0; k < 3; ++k) lag_[k] += dt / time_constant_ * (now_[k] - lag_[k]);
   }
 
-  double beyond_start() const { return p_.empty() ? 0 : value() - at_start_; }
-  // What it would have been for ever, with the plays in the middle.
+  double beyond_start() const { return value() - at_start_; }
+  // What it would be if it had been so for ever, with the plays in the middle.
   double beyond(double e, double order, double ninety) const {
-    if (p_.empty()) return 0;
     auto rest = *this;
-    rest.e_ = rest.lag_field_ = e;
-    rest.order_ = rest.lag_order_ = order;
-    rest.ninety_ = rest.lag_ninety_ = ninety;
+    rest.now_ = rest.lag_ = {e, order, ninety};
     rest.plays_ = {};
     return value() - rest.value();
   }
 
  private:
-  double of(const std::string& name) const {
-    const auto found = p_.find(name);
-    return found == p_.end() ? 0 : found->second;
-  }
   // The sum of hats over knots at equal distances, whose outermost do not fall again.
-  double table(const std::string& name, int count) const {
+  template <std::size_t count>
+  double table(const std::array<double, count>& heights) const {
     double sum = 0;
-    for (int i = 0; i < count; ++i) {
-      const double width = 2.0 / (count - 1), knot = -1 + i * width;
-      const double bounded = std::fmin(1, std::fmax(-1, e_));
-      sum += of(name + "_" + std::to_string(i)) * std::fmax(0, 1 - std::fabs(bounded - knot) / width);
+    for (std::size_t i = 0; i < count; ++i) {
+      const double width = 2.0 / (count - 1), knot = -1 + static_cast<double>(i) * width;
+      const double bounded = std::fmin(1, std::fmax(-1, now_[0]));
+      sum += heights[i] * std::fmax(0, 1 - std::fabs(bounded - knot) / width);
     }
     return sum;
   }
-  void push(double e) {
+  void push() {
     for (std::size_t j = 0; j < radii.size(); ++j) {
-      if (plays_[j] < e - radii[j]) plays_[j] = e - radii[j];
-      if (plays_[j] > e + radii[j]) plays_[j] = e + radii[j];
+      if (plays_[j] < now_[0] - radii[j]) plays_[j] = now_[0] - radii[j];
+      if (plays_[j] > now_[0] + radii[j]) plays_[j] = now_[0] + radii[j];
     }
   }
   double value() const {
-    double sum = table("field", 9) + order_ * table("order", 5) + ninety_ * table("ninety", 5);
-    for (std::size_t j = 0; j < radii.size(); ++j) sum += of("play_" + std::to_string(j)) * plays_[j];
-    sum += of("lag_field") * lag_field_ + of("lag_order") * lag_order_ + of("lag_ninety") * lag_ninety_;
-    return of("amplitude") * sum;
+    if (amplitude_ == 0) return 0;
+    double sum = table(field_) + now_[1] * table(by_order_) + now_[2] * table(by_ninety_);
+    for (std::size_t j = 0; j < radii.size(); ++j) sum += by_play_[j] * plays_[j];
+    for (std::size_t k = 0; k < 3; ++k) sum += by_lag_[k] * lag_[k];
+    return amplitude_ * sum;
   }
 
   static constexpr std::array radii{0.05, 0.1, 0.2, 0.35, 0.5, 0.75};
-  std::map<std::string, double> p_;
-  double e_ = 0, order_ = 1, ninety_ = 0, lag_field_ = 0, lag_order_ = 0, lag_ninety_ = 0, at_start_ = 0;
-  std::array<double, 6> plays_{};
+  double amplitude_ = 0, field_scale_ = 0, time_constant_ = 0, at_start_ = 0;
+  std::array<double, 9> field_{};
+  std::array<double, 5> by_order_{}, by_ninety_{};
+  std::array<double, 6> by_play_{}, plays_{};
+  std::array<double, 3> by_lag_{}, now_{0, 1, 0}, lag_{0, 1, 0};  // of e, p and n
 };
 
 // Weights that have nothing in common, so that none can stand for another.
