@@ -65,7 +65,7 @@ ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model&
   for (const auto& part : parts_) {
     coupled_ = coupled_ || part->around.coupled;
     if (part->around.coupled)
-      for (std::size_t k = part->around.by_rates ? 0 : 1; k < load_causes.size(); ++k)
+      for (std::size_t k = part->around.field_open ? 0 : 1; k < load_causes.size(); ++k)
         causes_[parameters_ + k][static_cast<std::size_t>(load_causes[k])] = 1;
   }
 }
@@ -89,7 +89,7 @@ void ForwardSensitivities::start(double field, const Fractions& fractions, doubl
     auto& around = part->around;
     part->command = in_past_ ? Number(field) : knot(*part, field, drive_.field, 0);
     around.start(part->command, fractions, time);
-    part->at = part->at_before = {around.material.field, around.material.stress};
+    part->at = part->at_before = around.loads_at_start();
     part->polarization = part->polarization_before = around.remanent(0);
     part->trial = {};
     part->bend = 0;
@@ -153,7 +153,8 @@ void ForwardSensitivities::begin_trial(Part& part, const SolvedStep& step, doubl
     part.bend = 0;
     return;
   }
-  part.at.field = around.by_rates ? unknown<Number>(step.at.field, field_direction) : trial.monitor;
+  part.at.field = around.field_open ? unknown<Number>(step.at.field, field_direction)
+                                    : trial.monitor + around.added_for_rates(trial.h, trial.end);
   part.at.stress = unknown<Number>(step.at.stress, stress_direction);
   part.bend = unknown<Number>(step.bend.stress, bend_direction);
 }
@@ -211,7 +212,7 @@ ForwardSensitivities::LoadTangents ForwardSensitivities::end_trial(Part& part) {
   if (!around.coupled) {
     around.loads_after(trial, trial.means);
   } else {
-    trial.end.field = part.at.field + around.drag(trial.means);
+    trial.end.field = around.across(trial, trial.means, part.at.field);
     trial.end.stress = part.at.stress;
     const auto answer = around.loads_after(trial, trial.means);
     const std::array<Number, 3> residual{answer.field - part.at.field, answer.stress - part.at.stress,
@@ -223,7 +224,7 @@ ForwardSensitivities::LoadTangents ForwardSensitivities::end_trial(Part& part) {
       for (int k = 0; k < 3; ++k) slope(i, k) = r.tangent[load_directions[static_cast<std::size_t>(k)]];
       for (std::size_t p = 0; p < part.count; ++p) moves(i, static_cast<Eigen::Index>(p)) = r.tangent[p];
     }
-    if (!around.by_rates) {  // the field is given
+    if (!around.field_open) {  // the field is given
       slope(0, 0) = -1;
       moves.row(0).setZero();
     }

@@ -53,7 +53,7 @@ void Simulator::State::start(double field, const Fractions& fractions, double ti
   planned = 0;
   Surroundings::start(field, fractions, time);
   kinetics->set_polarization(remanent(0));
-  kinetics->start({material.field, material.stress}, fractions);
+  kinetics->start(loads_at_start(), fractions);
   if (followed != nullptr && ensemble != nullptr) ensemble->put_to_sleep(followed->start.slept);
   means = kinetics->means();
   coupling.reset();
@@ -98,7 +98,7 @@ bool Simulator::State::solve(Trial<double>& trial) {
         at = loads;
         bent = bend(trial);
         trial.means = kinetics->propose(trial.h, at, bent);
-        trial.end.field = at.field + drag(trial.means);
+        trial.end.field = across(trial, trial.means, at.field);
         trial.end.stress = at.stress;
         return Coupling::Answer{loads_after(trial, trial.means), trial.means.plus, trial.means.minus};
       });

@@ -48,7 +48,9 @@ struct Surroundings {
     constants.stress_stabilization = ports.stress_stabilization;
     mechanics.emplace(model, ports);
     by_rates = !vanishes(ports.domain_wall_drag) || !vanishes(ports.source_resistance);
-    coupled = !mechanics->stress_is_constant() || by_rates;
+    field_open = by_rates || std::any_of(ports.seen_by_rates.begin(), ports.seen_by_rates.end(),
+                                         [](const auto& term) { return term->by_fractions(); });
+    coupled = !mechanics->stress_is_constant() || field_open;
   }
   Surroundings(const Surroundings&) = delete;  // mechanics refers to ports
   Surroundings& operator=(const Surroundings&) = delete;
@@ -57,8 +59,9 @@ struct Surroundings {
   PortsOf<T> ports;
   KineticConstantsOf<T> constants;
   std::optional<Mechanics<T>> mechanics;
-  bool by_rates = false;  // the loads depend on the fractions' rates: drag or resistance
-  bool coupled = false;   // the loads at a step's end depend on the fractions there
+  bool by_rates = false;    // the loads depend on the fractions' rates: drag or resistance
+  bool field_open = false;  // the field that the rates see depends on the fractions or their rates
+  bool coupled = false;     // the loads at a step's end depend on the fractions there
 
   // At the last accepted step.
   T monitor = 0;
@@ -71,16 +74,22 @@ struct Surroundings {
 
   // At rest with these fractions; the kinetics and the sensors start from it. A time below 0 if what follows
   // belongs to the specimen's past.
-  void start(const T& field, const Fractions& fractions, double time) {
-    monitor = field;
-    for (auto& stage : ports.drive) stage->start(field);
+  void start(const T& command, const Fractions& fractions, double time) {
+    monitor = command;
+    for (auto& stage : ports.drive) monitor = stage->start(monitor);
     material = {};
     material.time = time;
     means = {fractions.plus, fractions.minus, 0, 0};
-    fill(material, means, T(0), field);
+    fill(material, means, T(0), monitor);
     dissipation = conducted = plus_curvature = minus_curvature = T(0);
     mechanics->start(material);
-    resistance_input = field;
+    for (auto& term : ports.polarization) term->start(material);
+    for (auto& term : ports.seen_by_rates) term->start(material);
+    resistance_input = monitor;
+  }
+  // That the rates see at rest.
+  LoadsOf<T> loads_at_start() const {
+    return {material.field + added_for_rates(0, material), material.stress};
   }
 
   // The past is over: the specimen remembers it, time, charge and sensors begin.
@@ -135,7 +144,7 @@ struct Surroundings {
   T polarization(const MaterialState<T>& s, const T& dissipated) const {
     T p = permittivity(s) * s.field + model.material.piezoelectric_180 * (s.plus - s.minus) * s.stress +
           remanent(dissipated) * (s.plus - s.minus);
-    for (const auto& term : ports.polarization) p += term(s.field);
+    for (const auto& term : ports.polarization) p += term->propose(s.time - material.time, s);
     return p;
   }
   T conduction(const T& field) const {
@@ -176,6 +185,27 @@ struct Surroundings {
     return ports.domain_wall_drag * remanent(dissipation) * (m.plus_rate - m.minus_rate);
   }
 
+  // What they see besides it, h after the last accepted state.
+  T added_for_rates(const T& h, const MaterialState<T>& end) const {
+    T sum = 0;
+    for (const auto& term : ports.seen_by_rates) sum += term->propose(h, end);
+    return sum;
+  }
+
+  // Field across the material at the end of a trial if the rates see `seen` there: E + terms(E) = seen +
+  // drag.
+  T across(const Trial<T>& trial, const MeansOf<T>& m, const T& seen) const {
+    const T target = seen + drag(m);
+    if (ports.seen_by_rates.empty()) return target;
+    if (vanishes(ports.source_resistance)) return trial.monitor;
+    auto end = trial.end;
+    fill(end, m, trial.h, end.field);
+    return root<T>(value_of(target), 1e-12 * field_scale(), [&](const T& field) {
+      end.field = field;
+      return field + added_for_rates(trial.h, end) - target;
+    });
+  }
+
   // Field across the material at the end of a trial, behind the source resistance: E + r dP/dt = E_mon as a
   // lag with the permittivity at the step's start. Of the rest of P what switches goes by its rate at the
   // end, all else by its change over the step, taken with the field and stress that the trial has so far.
@@ -197,7 +227,7 @@ struct Surroundings {
     fill(trial.end, m, trial.h, trial.end.field);
     trial.end.field = behind_resistance(trial, m);
     trial.equilibrium = mechanics->propose(trial.h, trial.end);
-    return {trial.end.field - drag(m), trial.end.stress};
+    return {trial.end.field - drag(m) + added_for_rates(trial.h, trial.end), trial.end.stress};
   }
 
   // Stress that changes ln(rate) by about 1, and field.
@@ -238,6 +268,8 @@ struct Surroundings {
     dissipation = trial.dissipation;
     conducted += 0.5 * trial.h * (conduction(material.field) + conduction(trial.end.field));
     mechanics->accept(trial.h, trial.end);
+    for (auto& term : ports.polarization) term->accept(trial.h, trial.end);
+    for (auto& term : ports.seen_by_rates) term->accept(trial.h, trial.end);
     material = trial.end;
     means = m;
     monitor = trial.monitor;

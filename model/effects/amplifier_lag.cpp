@@ -18,7 +18,7 @@ template <class T>
 class AmplifierLag final : public DriveStage<T> {
  public:
   explicit AmplifierLag(T tau) : tau_(tau) {}
-  void start(const T& field) override { field_ = field; }
+  T start(const T& field) override { return field_ = field; }
 
   void transform(const FieldPieceOf<T>& in, std::vector<FieldPieceOf<T>>& out) override {
     if (tau_ <= 0 || in.duration <= 0) {

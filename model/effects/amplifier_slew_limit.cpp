@@ -9,7 +9,7 @@ template <class T>
 class SlewLimit final : public DriveStage<T> {
  public:
   explicit SlewLimit(T rate) : rate_(rate) {}
-  void start(const T& field) override { field_ = field; }
+  T start(const T& field) override { return field_ = field; }
 
   void transform(const FieldPieceOf<T>& in, std::vector<FieldPieceOf<T>>& out) override {
     const T slope = (in.to - in.from) / in.duration;

@@ -71,9 +71,22 @@ class LagStage final : public SensorStage<T> {
   T value_ = 0;
 };
 
+// A term of the polarization without memory.
+template <class T>
+class ByField final : public MaterialTerm<T> {
+ public:
+  explicit ByField(std::function<T(const T& field)> function) : function_(std::move(function)) {}
+  void start(const MaterialState<T>&) override {}
+  T propose(const T&, const MaterialState<T>& end) const override { return function_(end.field); }
+  void accept(const T&, const MaterialState<T>&) override {}
+
+ private:
+  std::function<T(const T&)> function_;
+};
+
 // lag_tau of something of the material, starting at zero as if that had been zero until then.
 template <class T>
-class DelayedStrain final : public StrainTerm<T> {
+class DelayedStrain final : public MaterialTerm<T> {
  public:
   DelayedStrain(T tau, std::function<T(const MaterialState<T>&)> input)
       : tau_(tau), input_(std::move(input)) {}

@@ -89,6 +89,9 @@ struct Effect {
   // Where it is a base parameter: whether a model has that already. Such an effect is recalibrated, not
   // found.
   std::function<bool(const Model& model)> in_base{};
+  // Stands for what has no name: a table that is fitted, not physics. A model may hold it, but it is never
+  // among what a discrepancy is called.
+  bool empirical = false;
 };
 
 // All effects, by id.

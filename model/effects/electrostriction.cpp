@@ -4,7 +4,7 @@ namespace ferrobench::model::effects {
 namespace {
 
 template <class T>
-class Electrostriction final : public StrainTerm<T> {
+class Electrostriction final : public MaterialTerm<T> {
  public:
   explicit Electrostriction(T coefficient) : coefficient_(coefficient) {}
   bool instant() const override { return true; }

@@ -16,7 +16,7 @@ T mean_positive(T a, T b) {
 }
 
 template <class T>
-class SelfHeating final : public StrainTerm<T> {
+class SelfHeating final : public MaterialTerm<T> {
  public:
   SelfHeating(T gain, T tau) : gain_(gain), tau_(tau) {}
   void start(const MaterialState<T>& at) override {

@@ -43,4 +43,26 @@ inline void eliminate(DualNumber& y, const std::array<double, implicit_direction
   y.tangent[implicit_direction] = 0;
 }
 
+// The root of f near `at`, where f rises about as its argument does: to within `enough` or as near as some
+// steps lead.
+template <class T, class Function>
+T root(double at, double enough, const Function& f) {
+  double slope = 1, last = 0, last_missing = 0;
+  for (int i = 0;; ++i) {
+    const double missing = value_of(f(T(at)));
+    if (i > 0 && at != last) slope = (missing - last_missing) / (at - last);
+    if (!(std::abs(missing) > enough) || i == 40 || !(slope > 0)) break;
+    last = at;
+    last_missing = missing;
+    at -= missing / slope;
+  }
+  if constexpr (has_tangents<T>) {
+    T out = unknown<T>(at, implicit_direction);
+    eliminate(out, implicit_tangents(f(out)));
+    return out;
+  } else {
+    return at;
+  }
+}
+
 }  // namespace ferrobench::model

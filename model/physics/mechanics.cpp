@@ -12,7 +12,9 @@ namespace ferrobench::model {
 template <class T>
 Mechanics<T>::Mechanics(const ModelOf<T>& model, PortsOf<T>& ports)
     : material_(model.material), actuator_(model.actuator), load_(model.load), ports_(ports) {
-  linear_ = ports.strain.empty() && ports.spring_extension.empty() && ports.spring_hardening.empty() &&
+  const bool by_stress = std::any_of(ports.strain.begin(), ports.strain.end(),
+                                     [](const auto& term) { return term->by_stress(); });
+  linear_ = !by_stress && ports.spring_extension.empty() && ports.spring_hardening.empty() &&
             !ports.prestress_factor && !ports.friction && !ports.inertia;
   strain_at_rest_ = -material_.compliance_180 * load_.prestress;
   if (ports.inertia && !actuator_.passive_stiffness &&
@@ -90,17 +92,27 @@ void Mechanics<T>::start(MaterialState<T>& at) {
   accept(0, at);
 }
 
+// Of the terms.
 template <class T>
-Equilibrium<T> Mechanics<T>::linear(const MaterialState<T>& s) const {
+T Mechanics<T>::strain_apart_from_stress(const T& h, const MaterialState<T>& s) const {
+  T strain = 0;
+  for (const auto& term : ports_.strain)
+    if (!term->by_stress()) strain += term->propose(h, s);
+  return strain;
+}
+
+template <class T>
+Equilibrium<T> Mechanics<T>::linear(const T& h, const MaterialState<T>& s) const {
   const T share = actuator_.passive_stiffness
                       ? *actuator_.passive_stiffness / (load_.spring_stiffness + *actuator_.passive_stiffness)
                       : T(1);
   const T stress_per_strain = load_.spring_stiffness * share * actuator_.length / actuator_.area;
-  const T free_strain = strain_without_terms(s, 0) - strain_at_rest_;
+  const T added = strain_apart_from_stress(h, s);
+  const T free_strain = strain_without_terms(s, 0) - strain_at_rest_ + added;
   Equilibrium<T> out;
   out.stress =
       (-load_.prestress - stress_per_strain * free_strain) / (1 + stress_per_strain * mean_compliance(s));
-  out.strain = strain_without_terms(s, out.stress);
+  out.strain = strain_without_terms(s, out.stress) + added;
   out.displacement = share * actuator_.length * (out.strain - strain_at_rest_);
   out.force = load_.prestress * actuator_.area + load_.spring_stiffness * out.displacement;
   return out;
@@ -156,7 +168,7 @@ Equilibrium<T> Mechanics<T>::general(const T& h, MaterialState<T>& end) const {
       bracket.learn(stress, f);
       return f;
     };
-    double a = linear(end).stress, fa = missing(a);
+    double a = linear(h, end).stress, fa = missing(a);
     const double scale = balance();
     double b = a + std::max(1e3, 1e-3 * std::abs(a)), fb = missing(b);
     for (int i = 0; i < 100 && std::abs(fb) > scale && fb != fa; ++i) {
@@ -249,9 +261,9 @@ typename Mechanics<T>::Moving Mechanics<T>::moved(const T& h, const MaterialStat
 template <class T>
 Equilibrium<T> Mechanics<T>::propose(const T& h, MaterialState<T>& end) const {
   if (!linear_) return general(h, end);
-  const auto out = linear(end);
+  const auto out = linear(h, end);
   end.stress = out.stress;
-  end.instant_strain = out.strain - strain_at_rest_;
+  end.instant_strain = strain_without_terms(end, out.stress) - strain_at_rest_;
   return out;
 }
 

@@ -12,9 +12,9 @@
 // At rest: with the fractions of the start, +180 where nothing else is said. A bench is set up with the
 // specimen as it is then. Before time 0, in a specimen's past, the prestress has not begun to relax.
 //
-// With a linear spring and no terms sigma is solved in closed form, else by the secant method on sigma. With
-// a mass, N = k_act (x_free - x), x_free being x at N = 0; x follows as the oscillator of stiffness k_act +
-// dF_spring/dx, exactly for x_free linear over the step.
+// With a linear spring and no terms that depend on sigma it is solved in closed form, else by the secant
+// method on sigma. With a mass, N = k_act (x_free - x), x_free being x at N = 0; x follows as the oscillator
+// of stiffness k_act + dF_spring/dx, exactly for x_free linear over the step.
 //
 // With numbers that carry tangents the root is found by Newton's method, from the stress that the caller
 // gives, and gets its tangents by the implicit function theorem.
@@ -70,7 +70,8 @@ class Mechanics {
   T prestress(const T& time) const;
   T friction_state(const T& extension) const;
   T friction(const T& extension) const;
-  Equilibrium<T> linear(const MaterialState<T>& s) const;
+  T strain_apart_from_stress(const T& h, const MaterialState<T>& s) const;
+  Equilibrium<T> linear(const T& h, const MaterialState<T>& s) const;
   Equilibrium<T> general(const T& h, MaterialState<T>& end) const;
   Equilibrium<T> by_newton(const T& h, MaterialState<T>& end) const;
   // Fills in all that follows from this stress, and gives the force that is missing for balance, Pa.

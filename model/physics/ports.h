@@ -37,23 +37,27 @@ struct FieldPieceOf {
 };
 using FieldPiece = FieldPieceOf<double>;
 
-// drive: commanded field in, field at the amplifier's monitor out, both piecewise linear.
+// drive: commanded field in, field at the amplifier's monitor out, both piecewise linear. What start() gives
+// is the output for a field that has been there long.
 template <class T>
 class DriveStage {
  public:
   virtual ~DriveStage() = default;
-  virtual void start(const T& field) = 0;
+  virtual T start(const T& field) = 0;
   // Appends to `out` pieces of the same total duration.
   virtual void transform(const FieldPieceOf<T>& in, std::vector<FieldPieceOf<T>>& out) = 0;
 };
 
-// strain: a term added to the strain. `instant` terms count in MaterialState::instant_strain, delayed ones do
-// not.
+// strain, polarization, seen_by_rates: a term that follows from what the material goes through. In the
+// strain, `instant` terms count in MaterialState::instant_strain, delayed ones do not.
 template <class T>
-class StrainTerm {
+class MaterialTerm {
  public:
-  virtual ~StrainTerm() = default;
+  virtual ~MaterialTerm() = default;
   virtual bool instant() const { return false; }
+  // Whether it may depend on the stress, or on the fractions, of the state that is proposed.
+  virtual bool by_stress() const { return true; }
+  virtual bool by_fractions() const { return true; }
   virtual void start(const MaterialState<T>& at) = 0;
   virtual T propose(const T& h, const MaterialState<T>& end) const = 0;
   virtual void accept(const T& h, const MaterialState<T>& end) = 0;
@@ -98,14 +102,15 @@ struct PortsOf {
   std::vector<std::unique_ptr<DriveStage<T>>> drive;
   T source_resistance = 0;  // V s m/C: E = E_mon - this * Pdot
   // kinetics
-  T stress_stabilization = 0;  // 1/Pa
-  T domain_wall_drag = 0;      // V s m/C: rates see E - this * Pdot_irr
-  T fatigue = 0;               // m^2/C: P_+ / (1 + this * integral |dP_irr|)
-  // polarization: added to P, C/m^2, as a function of the field
-  std::vector<std::function<T(const T& field)>> polarization;
+  T stress_stabilization = 0;                                   // 1/Pa
+  T domain_wall_drag = 0;                                       // V s m/C: rates see E - this * Pdot_irr
+  T fatigue = 0;                                                // m^2/C: P_+ / (1 + this * integral |dP_irr|)
+  std::vector<std::unique_ptr<MaterialTerm<T>>> seen_by_rates;  // added to the E that rates see, V/m
+  // polarization: added to P, C/m^2
+  std::vector<std::unique_ptr<MaterialTerm<T>>> polarization;
   // conduction: added to the charge as a current density, A/m^2, as a function of the field
   std::vector<std::function<T(const T& field)>> conduction;
-  std::vector<std::unique_ptr<StrainTerm<T>>> strain;
+  std::vector<std::unique_ptr<MaterialTerm<T>>> strain;
   // equilibrium
   std::vector<std::function<T(const T& extension)>> spring_extension;  // x that the spring sees, m
   std::vector<std::function<T(const T& extension)>> spring_hardening;  // factor on k x

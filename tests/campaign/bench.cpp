@@ -1,6 +1,7 @@
 #include "tests/campaign/bench.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "model/effects/catalogue.h"
 #include "tests/campaign/base_models.h"
@@ -40,8 +41,19 @@ struct Choice {
   std::vector<model::EffectParameter> parameters;
 };
 
+// Those with a name: an empirical table is no cause that a bench could hide.
+const std::vector<model::Effect>& named_effects() {
+  static const auto named = [] {
+    std::vector<model::Effect> out;
+    std::ranges::copy_if(model::effect_catalogue(), std::back_inserter(out),
+                         [](const auto& e) { return !e.empirical; });
+    return out;
+  }();
+  return named;
+}
+
 Choice catalogue_choice(std::size_t i) {
-  const auto& e = model::effect_catalogue()[i % model::effect_catalogue().size()];
+  const auto& e = named_effects()[i % named_effects().size()];
   return {std::string(e.id), e.family, e.parameters};
 }
 Choice outsider_choice(std::size_t i) {
@@ -167,7 +179,7 @@ Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& o
     b.families.emplace_back(model::family_name(choice.family));
   }
   if (kind == Kind::withheld)
-    for (const auto& e : model::effect_catalogue())
+    for (const auto& e : named_effects())
       if (e.id != choices[0].id) b.candidates.emplace_back(e.id);
 
   const bool drive = std::any_of(choices.begin(), choices.end(),

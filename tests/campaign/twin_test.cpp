@@ -177,8 +177,10 @@ TEST_P(EachEffect, IsTheSameInModelAndTwin) {
 }
 
 TEST(CampaignEffects, OfTheCatalogueIsThere) {
+  // The twin knows named terms only; a table is fitted to what it leaves.
   for (const auto& effect : model::effect_catalogue())
-    EXPECT_TRUE(std::any_of(cases.begin(), cases.end(), [&](const Case& c) { return c.id == effect.id; }))
+    EXPECT_TRUE(effect.empirical ||
+                std::any_of(cases.begin(), cases.end(), [&](const Case& c) { return c.id == effect.id; }))
         << effect.id;
 }
 

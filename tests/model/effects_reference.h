@@ -10,6 +10,7 @@
 #include <numeric>
 
 #include "tests/model/effects_support.h"
+#include "tests/model/empirical_reference.h"
 
 namespace ferrobench::model {
 
@@ -20,6 +21,8 @@ class Reference {
   };
 
   Reference(Model m, std::map<std::string, double> parameters) : m_(std::move(m)), p_(std::move(parameters)) {
+    for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate", "empirical_drive"})
+      empirical_.emplace(id, PlainTerm(p_, id));
     domains_ = {{m_.material.barrier, of("internal_bias_field.field"), 1}};
     const double log_std = of("barrier_distribution.log_std"), std = of("interaction_field_distribution.std");
     if (log_std == 0 && std == 0) return;
@@ -94,7 +97,7 @@ class Reference {
   // The field that the rates see: e = E - coefficient P_+ (x+ - x-)'(e).
   double seen_by_rates() const {
     const double drag = of("domain_wall_drag.coefficient") * saturation();
-    if (drag == 0) return field_;
+    if (drag == 0) return field_ + empirical_.at("empirical_rate").beyond(0, 1, 0);
     double low = field_ - 2 * drag / m_.material.relaxation_time, high = 2 * field_ - low;
     for (int i = 0; i < 50; ++i) {
       const double e = 0.5 * (low + high);
@@ -132,7 +135,10 @@ class Reference {
            m_.material.remanent_strain_90 * ninety() + of("electrostriction.coefficient") * field * field +
            m_.material.compliance_180 * m_.load.prestress;
   }
-  double delayed_strain() const { return std::accumulate(creep_.begin(), creep_.end(), heat_ + viscous_); }
+  double delayed_strain() const {
+    return std::accumulate(creep_.begin(), creep_.end(),
+                           heat_ + viscous_ + empirical_.at("empirical_strain").beyond_start());
+  }
   double extension(double field, double stress) const {
     const double push = -(stress + prestress()) * m_.actuator.area;
     return m_.actuator.length * (instant_strain(field, stress) + delayed_strain()) - push * passive();
@@ -156,7 +162,8 @@ class Reference {
     const auto& c = m_.material;
     return (c.permittivity_180 + (c.permittivity_90 - c.permittivity_180) * ninety()) * field +
            c.piezoelectric_180 * order() * stress + saturation() * order() +
-           c.permittivity_180 * of("nonlinear_permittivity.coefficient") * field * field * field;
+           c.permittivity_180 * of("nonlinear_permittivity.coefficient") * field * field * field +
+           empirical_.at("empirical_polarization").beyond_start();
   }
   double field_of(double wanted) const {
     double a = field_, b = field_ + 1e3;
@@ -170,6 +177,7 @@ class Reference {
 
   void start(double command) {
     command_ = monitor_ = field_ = command;
+    for (auto& [id, term] : empirical_) term.start(field_, order(), ninety());
     stress_ = -m_.load.prestress;
     stress_ = balance(field_);
     x_ = extension(field_, stress_);
@@ -195,6 +203,9 @@ class Reference {
                              of("amplifier_slew_limit.rate") * dt);
     else
       monitor_ = command_;
+    auto& empirical = empirical_.at("empirical_drive");
+    empirical.step(dt, command_, 1, 0);
+    monitor_ += empirical.beyond(0, 0, 0);
   }
 
   void move(double dt, double x_before) {
@@ -213,6 +224,8 @@ class Reference {
     } else {
       field_ = monitor_;
     }
+    for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate"})
+      empirical_.at(id).step(dt, field_, order(), ninety());
     stress_ = balance(field_);
     if (!has("stage_inertia.mass")) x_ = extension(field_, stress_);
     if (has("guide_friction.force")) {
@@ -298,6 +311,7 @@ class Reference {
   Model m_;
   std::map<std::string, double> p_;
   std::vector<Domain> domains_;
+  std::map<std::string, PlainTerm> empirical_;
   double t_ = 0, command_ = 0, monitor_ = 0, field_ = 0, stress_ = 0, x_ = 0, velocity_ = 0,
          polarization_ = 0;
   double order_ = 1, switched_ = 0, leaked_ = 0, heat_ = 0, viscous_ = 0, dahl_ = 0;

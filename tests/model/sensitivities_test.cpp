@@ -5,6 +5,7 @@
 
 #include "model/gradient_check.h"
 #include "model/inference/parameters/parameters.h"
+#include "tests/model/empirical_reference.h"
 #include "tests/model/random_models.h"
 
 namespace ferrobench::model {
@@ -62,6 +63,7 @@ std::vector<CheckedParameter> parameters_of(const Model& model) {
 Model with_effect(const Model& m, const Effect& effect) {
   Parameters values;
   for (const auto& p : effect.parameters) values.emplace_back(std::string(p.name), std::sqrt(p.low * p.high));
+  if (effect.empirical) values = empirical_values(std::string(effect.id), values[0].second, 0.07);
   if (effect.id == "displacement_clipping") values[0].second = 1e-5;
   if (effect.id == "amplifier_slew_limit") values[0].second = 1.2e7;
   if (effect.id == "contact_gap") values[0].second = 3e-6;
@@ -135,6 +137,37 @@ std::vector<std::string> effect_ids() {
 }
 INSTANTIATE_TEST_SUITE_P(Effects, EachEffect, testing::ValuesIn(effect_ids()),
                          [](const auto& i) { return i.param; });
+
+// Where the field that the rates see is solved for, and where that across the material is as well.
+TEST(Slopes, OfAnEmpiricalRateBesideDragAndResistance) {
+  std::vector<CheckedParameter> parameters{{"material.barrier"}};
+  for (const auto& p : find_effect("empirical_rate").parameters)
+    parameters.push_back({"effects.empirical_rate." + std::string(p.name)});
+  const auto rate = with(specimen(Specimen::sprung_polycrystal), "empirical_rate",
+                         empirical_values("empirical_rate", 5e4, 0.07));
+  for (const auto* id : {"domain_wall_drag", "source_resistance"}) {
+    SCOPED_TRACE(id);
+    parameters.push_back({std::string("effects.") + id + ".coefficient"});
+    expect_agreement(with(rate, id, {{"coefficient", 1e4}}), parameters, 120);
+    parameters.pop_back();
+  }
+}
+
+// A fit begins with weights of zero, where the values need no coupling that the slopes need.
+TEST(Slopes, ByTheWeightsOfAnEmpiricalTermAtZero) {
+  for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate", "empirical_drive"}) {
+    SCOPED_TRACE(id);
+    std::vector<CheckedParameter> parameters;
+    auto values = empirical_values(id, find_effect(id).parameters[0].high / 10, 0.07);
+    for (auto& [name, value] : values)
+      if (std::isdigit(static_cast<unsigned char>(name.back())) != 0 || name.starts_with("lag_")) {
+        value = 0;
+        parameters.push_back({std::string("effects.") + id + "." + name, 1});
+      }
+    for (const auto kind : {Specimen::crystal, Specimen::sprung_polycrystal})
+      expect_agreement(with(specimen(kind), id, values), parameters, 40);
+  }
+}
 
 class EachShippedModel : public testing::TestWithParam<std::string> {};
 

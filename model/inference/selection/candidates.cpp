@@ -9,8 +9,15 @@ namespace ferrobench::model::inference {
 
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted) {
   std::vector<const Effect*> out;
-  for (const auto& id : wanted) find_effect(id);
+  for (const auto& id : wanted)
+    if (find_effect(id).empirical)
+      throw Error(ErrorCode::invalid_params, "an empirical term cannot be what a discrepancy is called",
+                  Problem{.path = "/candidates",
+                          .message = "holds a term that stands for what has no name",
+                          .given = id,
+                          .hint = "it is fitted where no candidate of the catalogue explains the gap"});
   for (const auto& effect : effect_catalogue()) {
+    if (effect.empirical) continue;
     if (!wanted.empty() && std::ranges::find(wanted, effect.id) == wanted.end()) continue;
     // What the model has already is recalibrated, not found.
     if (std::ranges::any_of(model.effects, [&](const auto& s) { return s.id == effect.id; })) continue;

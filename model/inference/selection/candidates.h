@@ -10,7 +10,8 @@
 namespace ferrobench::model::inference {
 
 // Those of the catalogue (of `wanted` if that is not empty) that the model does not have and that have a
-// meaning for it. Throws Error(invalid_params) if one of `wanted` is not in the catalogue.
+// meaning for it, without the empirical terms, which name nothing. Throws Error(bad_model) if one of `wanted`
+// is not in the catalogue, Error(invalid_params) if it is empirical.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
 
 // Whether one of them switches a spread of the polycrystal on that the base does not have, so that its
