@@ -14,6 +14,8 @@ struct MultistartOptions {
   std::uint64_t seed = 1;  // of the other starts
   // Called once the base model stands roughly; changes the residuals (it marginalizes uncertain drives).
   std::function<void(const Fit&)> roughly_fitted{};
+  // Asked of the fit from the given values: true ends it there, with no other starts. Null: never.
+  std::function<bool(const Fit&)> is_enough{};
   std::function<void(const std::string& stage, double fraction)> tick;
 };
 
@@ -21,6 +23,7 @@ struct Multistart {
   Fit fit;            // refined
   int starts = 0;     // of the solver
   double spread = 0;  // sum of squares of the best other start over that of the first, less 1
+  bool ended = false;  // by is_enough
 };
 
 // Throws Error(numerical) if the residuals at the best minimum are not finite.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
 
@@ -59,12 +60,12 @@ class Judge {
     if (time.size() > 1) pace_ = path / (time.back() - time.front());
   }
 
-  Past likeliest() {
-    if (!choice_.presumed) return likeliest_of_all().past;
+  Past likeliest() { return likeliest_of_all().past; }
+  // Whether the presumed past leaves much that another one does not.
+  bool contradicts_presumed() {
     const double presumed = misfit(*choice_.presumed).squares;
-    if (presumed <= little * little * static_cast<double>(data_.columns.size())) return *choice_.presumed;
-    const auto best = likeliest_of_all();
-    return best.misfit.squares < much_less * presumed ? best.past : *choice_.presumed;
+    if (presumed <= little * little * static_cast<double>(data_.columns.size())) return false;
+    return likeliest_of_all().misfit.squares < much_less * presumed;
   }
 
  private:
@@ -172,8 +173,19 @@ class Judge {
 std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const RecordingData> data,
                                const PastChoice& choice) {
   std::vector<Past> out(data.size());
+  const auto known = [&](std::size_t i) { return data[i].header.past.known(); };
+  if (choice.presumed) {
+    std::atomic<bool> contradicted = false;
+    tbb::parallel_for(std::size_t{0}, data.size(), [&](std::size_t i) {
+      if (!known(i) && Judge(models, data[i], choice).contradicts_presumed()) contradicted = true;
+    });
+    if (!contradicted) {
+      for (std::size_t i = 0; i < data.size(); ++i) out[i] = known(i) ? data[i].header.past : *choice.presumed;
+      return out;
+    }
+  }
   tbb::parallel_for(std::size_t{0}, data.size(), [&](std::size_t i) {
-    out[i] = data[i].header.past.known() ? data[i].header.past : Judge(models, data[i], choice).likeliest();
+    out[i] = known(i) ? data[i].header.past : Judge(models, data[i], choice).likeliest();
   });
   return out;
 }

@@ -31,8 +31,8 @@ struct PastChoice {
   Fidelity fidelity;
   bool heights_are_free = false;
   bool cycled_alone = false;      // no other kind
-  // Kept where it leaves little of the recording, or where no other leaves at most half as much of its sum of
-  // squares: the model may be wrong in more than the past.
+  // Taken for all, unless it leaves much of a recording where another past leaves less than half as much of the
+  // sum of squares: the model may be wrong in more than the past.
   std::optional<protocols::Past> presumed{};
   std::function<void()> count{};  // before each simulation, from several threads; may throw
 };

@@ -11,6 +11,7 @@
 #include "model/inference/selection/leave_one_out.h"
 #include "model/inference/selection/residual_basis.h"
 #include "model/inference/solver/multifidelity.h"
+#include "model/inference/study/improvement.h"
 #include "model/inference/study/validation.h"
 #include "model/inference/study/workflow.h"
 #include "recordings/analysis/skew.h"
@@ -110,6 +111,17 @@ LeaveOneOut leave_one_out(const WhitenedRecordings& coarse, const std::vector<do
   return out;
 }
 
+// Whether the model is so far off that its own error, and not noise, is what effects have to be told from: in
+// a channel more than ten times the noise and 2 % of the range. Of benches whose physics is the model's, with
+// one effect hidden, recalibration leaves at most five times the noise.
+bool is_gross(const WhitenedRecordings& residuals, const Fit& fit) {
+  constexpr double over_noise = 10, of_range = 0.02;
+  const auto left = left_by_channel(residuals, predict(residuals, fit.hypothesis, fit.z).standardized);
+  return std::ranges::any_of(left, [](const auto& l) {
+    return l.second.over_noise > over_noise && l.second.of_range > of_range;
+  });
+}
+
 // The workflow for one choice of what is held out. Returns the held-out recordings that the recalibrated base
 // does not explain.
 std::set<std::size_t> train_and_validate(Session& s, const Model& base,
@@ -121,6 +133,16 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   WhitenedRecordings fine(s.bench, s.noise, s.train, fine_options, s.threads);
   s.tick("choosing how finely to simulate", 0.01);
   s.out.health.numerical_error_over_noise = choose_fidelities(coarse, fine, hypothesis, most_domains);
+  if (getenv("FB_DEBUG")) {
+    for (auto& p : s.out.pasts) fprintf(stderr, "PAST %s %s\n", p.recording.c_str(), protocols::in_words(p.past).c_str());
+    const auto t0 = Clock::now();
+    const auto z = prior_mean(hypothesis);
+    for (std::size_t r : s.train) {
+      const auto sim = coarse.simulated(hypothesis, z, r);
+      for (std::size_t c = 0; c < sim.size(); ++c) { const auto e = coarse.plain_residual(r, c, sim[c]); double q = 0; for (double v : e) q += v*v;
+        fprintf(stderr, "  %s ch %d: %.4f of range, knots %zu rows %zu\n", s.bench[r].name.c_str(), (int)c, std::sqrt(q/e.size())*coarse.noise_of(r,c)/s.bench[r].channels[c].range, s.bench[r].knot_time.size(), e.size()); } }
+    fprintf(stderr, "time %.2f s domains %d\n", std::chrono::duration<double>(Clock::now()-t0).count(), coarse.simulation().domains);
+  }
   const auto found = run_workflow(
       coarse, fine, hypothesis,
       {.candidates = candidates,
@@ -132,20 +154,25 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
              coarse.marginalize_drive(f.hypothesis, f.z);
              fine.marginalize_as(coarse);
            },
-       .is_gross = [&](const Fit&) { return getenv("FB_DEBUG") != nullptr; },
+       .is_gross = [&](const Fit& f) { return is_gross(coarse, f); },
        .beyond_effects = [&](const Fit& f) { return fit_residual_basis(coarse, f).beyond_chance; },
        .tick = s.tick},
       s.out.health);
 
   auto& out = s.out;
-  if (getenv("FB_DEBUG")) {
-    const auto p = predict(fine, coarse, found.base);
-    for (auto& [c, l] : left_by_channel(fine, p.standardized))
-      fprintf(stderr, "BASE %s over %.2f range %.4f error %.4f\n", std::string(recordings::channel_name(c)).c_str(), l.over_noise, l.of_range, l.model_error);
-    if (found.gross) throw Error(ErrorCode::internal, "gross");
-  }
   summarize(found, s.options.selection, out);
-  const Fit &fitted = found.base, &after = found.after();
+  const Fit& fitted = found.base;
+  Fit after = found.after();
+  bool improved = false;
+  if (out.verdict == Verdict::unknown) {
+    improved = true;
+    ImprovementTask task{.bench = &s.bench, .noise = &s.noise, .train = s.train, .held_out = s.held_out, .candidates = candidates,
+      .simulation = fine.simulation(), .threads = s.threads, .floor = s.options.floor, .tick = s.tick};
+    auto better = improve(hypothesis, prior_mean(hypothesis), task);
+    for (auto& a : better.added) fprintf(stderr, "ADDED %s share %.3f held out %.3f\n", std::string(a.effect->id).c_str(), a.share, a.share_held_out);
+    after.hypothesis = better.hypothesis; after.z = better.z;
+    out.improved = setting_at(after.hypothesis, after.z).model;
+  }
   if (s.train.size() > 1 && !out.explanations.empty()) {
     const auto without = leave_one_out_squares(coarse, fitted);
     for (std::size_t i = 0; i < out.explanations.size(); ++i)
@@ -155,7 +182,7 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   if (out.verdict == Verdict::unknown) {
     const auto explained = fit_residual_basis(coarse, fitted);
     out.family = explained.family;
-    out.signals = reconstruct_signals(coarse, fitted, explained);
+    if (!found.gross) out.signals = reconstruct_signals(coarse, fitted, explained);
   }
   if (const auto& rivals = found.selection.trials; out.verdict == Verdict::ambiguous && rivals.size() > 1) {
     s.tick("looking for the experiment that would decide", 0.91);
@@ -164,21 +191,23 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   }
   s.tick("the proof", 0.95);
   std::set<std::size_t> unexplained_locked;
-  const bool added = found.best != nullptr;
-  const auto before_it = predict(fine, coarse, fitted),
-             after_it = added ? predict(fine, coarse, after) : before_it;
+  const bool added = true;
+  const auto figures = [&](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
+    return improved ? predict(of, f.hypothesis, f.z) : predict(of, by, f);
+  };
+  const auto before_it = figures(fine, coarse, fitted), after_it = added ? figures(fine, coarse, after) : before_it;
   out.where = excess_by_segment_class(fine, before_it.standardized);
   out.train.before = rms_by_channel(fine, before_it.standardized);
   out.train.after = rms_by_channel(fine, after_it.standardized);
   out.share = share_explained(before_it.standardized, after_it.standardized);
   out.left = left_by_channel(fine, after_it.standardized);
-  out.remainder =
+  if (!found.gross) out.remainder =
       remainder_of(s, coarse, after, excess_by_segment_class(fine, after_it.standardized));
   if (!s.held_out.empty()) {
     const WhitenedRecordings locked(s.bench, s.noise, s.held_out, fine.simulation(), s.threads);
     const WhitenedRecordings locked_coarse(s.bench, s.noise, s.held_out, coarse.simulation(), s.threads);
-    const auto locked_before = predict(locked, locked_coarse, fitted),
-               locked_after = added ? predict(locked, locked_coarse, after) : locked_before;
+    const auto locked_before = figures(locked, locked_coarse, fitted),
+               locked_after = added ? figures(locked, locked_coarse, after) : locked_before;
     unexplained_locked = unexplained(locked, locked_before.standardized, s.options.selection);
     out.held_out.before = rms_by_channel(locked, locked_before.standardized);
     out.held_out.after = rms_by_channel(locked, locked_after.standardized);

@@ -36,6 +36,9 @@ class Improver {
     auto remaining = task_.candidates;
     while (out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
     }
+    auto ports = empirical_terms();
+    while (material_ && add_empirical(at, ports)) {
+    }
     out_.covariance = fit_.normal().inverse();
     out_.hypothesis = std::move(at.hypothesis);
     out_.z = std::move(at.z);
@@ -54,12 +57,49 @@ class Improver {
   // Measured less simulated over the noise.
   Signals miss(const Place& at, const std::vector<std::size_t>& recordings) const {
     const WhitenedRecordings fine(*task_.bench, *task_.noise, recordings, simulation_, task_.threads);
-    Signals out;
-    for (const std::size_t r : recordings) {
-      const auto simulated = fine.simulated(at.hypothesis, at.z, r);
-      auto& of = out.emplace_back();
-      for (std::size_t c = 0; c < simulated.size(); ++c) of.push_back(fine.plain_residual(r, c, simulated[c]));
-    }
+    return predict(fine, at.hypothesis, at.z).standardized;
+  }
+
+  // Sum of squares above the noise's, over the variance of noise and model error together.
+  double excess(const Signals& standardized, const std::vector<std::size_t>& recordings) const {
+    double out = 0;
+    for (std::size_t i = 0; i < recordings.size(); ++i)
+      for (std::size_t c = 0; c < standardized[i].size(); ++c) {
+        const auto& n = noise_[recordings[i]][c];
+        const double weight = 1 / (1 + std::pow(n.model_error / n.std(), 2));
+        for (const double e : standardized[i][c])
+          if (!std::isnan(e)) out += (e * e - 1) * weight;
+      }
+    return out;
+  }
+
+  // What a model misses grows with what a recording shows of a channel, less than in proportion: where the
+  // specimen hardly moved it is off by more of the range. So the geometric mean of the recording's range and
+  // the largest.
+  double scale_of(std::size_t recording, std::size_t channel) const {
+    const auto& m = (*task_.bench)[recording].channels[channel];
+    double largest = 0;
+    for (const auto& r : *task_.bench)
+      if (const auto* other = r.find(m.channel)) largest = std::max(largest, other->range);
+    return std::sqrt(m.range * largest);
+  }
+  // Standard deviations over those scales, by channel: what noise leaves of the mean square.
+  std::map<recordings::Channel, double> model_errors() const {
+    std::map<recordings::Channel, std::pair<double, double>> sums;  // of squares, of rows
+    for (std::size_t i = 0; i < task_.train.size(); ++i)
+      for (std::size_t c = 0; c < learned_[i].size(); ++c) {
+        const std::size_t r = task_.train[i];
+        const double noise = (*task_.noise)[r][c].std() / scale_of(r, c);
+        auto& [squares, rows] = sums[(*task_.bench)[r].channels[c].channel];
+        for (const double e : learned_[i][c]) {
+          if (std::isnan(e)) continue;
+          squares += (e * e - 1) * noise * noise;
+          ++rows;
+        }
+      }
+    std::map<recordings::Channel, double> out;
+    for (const auto& [channel, sum] : sums)
+      out[channel] = std::max(least_error, std::sqrt(std::max(0.0, sum.first) / std::max(1.0, sum.second)));
     return out;
   }
 
@@ -68,15 +108,26 @@ class Improver {
     tick("how wrong the model is");
     learned_ = miss(at, task_.train);
     locked_ = miss(at, task_.held_out);
-    const WhitenedRecordings plain(*task_.bench, *task_.noise, task_.train, simulation_, task_.threads);
-    const auto left = left_by_channel(plain, learned_);
-    material_ = std::ranges::any_of(left, [&](const auto& l) { return l.second.model_error > task_.floor; });
+    const auto errors = model_errors();
+    if (getenv("FB_DEBUG")) {
+      for (auto& [c, e] : errors) fprintf(stderr, "ERR %s %.4f\n", std::string(recordings::channel_name(c)).c_str(), e);
+      for (std::size_t i = 0; i < task_.train.size() + task_.held_out.size(); ++i) {
+        bool tr = i < task_.train.size(); const auto r = tr ? task_.train[i] : task_.held_out[i - task_.train.size()];
+        const auto& sg = tr ? learned_[i] : locked_[i - task_.train.size()];
+        fprintf(stderr, "  %s%s", tr ? "" : "LOCKED ", (*task_.bench)[r].name.c_str());
+        for (std::size_t c = 0; c < sg.size(); ++c) { double q = 0; for (double v : sg[c]) if (v == v) q += v * v; fprintf(stderr, " %.4f", std::sqrt(q / sg[c].size()) * (*task_.noise)[r][c].std() / (*task_.bench)[r].channels[c].range); }
+        fprintf(stderr, "\n");
+      }
+    }
+    material_ = std::ranges::any_of(errors, [&](const auto& e) { return e.second > task_.floor; });
+    for (std::size_t r = 0; r < noise_.size(); ++r)
+      for (std::size_t c = 0; c < noise_[r].size(); ++c)
+        if (const auto e = errors.find((*task_.bench)[r].channels[c].channel); e != errors.end())
+          noise_[r][c].model_error = e->second * scale_of(r, c);
     for (std::size_t i = 0; i < task_.train.size(); ++i) {
       const std::size_t r = task_.train[i];
       for (std::size_t c = 0; c < learned_[i].size(); ++c) {
         auto& n = noise_[r][c];
-        const auto& m = (*task_.bench)[r].channels[c];
-        n.model_error = std::max(left.at(m.channel).model_error, least_error) * m.range;
         std::vector<double> rows;
         for (const double e : learned_[i][c])
           if (!std::isnan(e)) rows.push_back(e);
@@ -84,13 +135,21 @@ class Improver {
             1.0, correlated_rows(Eigen::Map<const Eigen::VectorXd>(rows.data(), std::ssize(rows))));
       }
     }
-    residuals_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train,
-                                                      SimulationOptions{.tolerance = 1e-4, .domains = 1000},
-                                                      task_.threads);
-    residuals_->simulate_by(coarse_);
+    residuals_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
+    if (!chosen_) {
+      WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
+      choose_fidelities(*residuals_, fine, at.hypothesis, simulation_.domains);
+      coarse_ = residuals_->simulation();
+      chosen_ = true;
+    }
     fit_ = minimize(*residuals_, at.hypothesis, at.z, solver(12, "fitting beside the model's error"));
     refresh_jacobian(*residuals_, fit_);
     at.z = fit_.z;
+    if (getenv("FB_DEBUG")) {
+      fprintf(stderr, "SETTLED squares %.2f samples %.1f domains %d tol %g excess %.3f/%.3f fresh %d predicted %.3f\n", fit_.squares, residuals_->samples(), coarse_.domains, coarse_.tolerance, excess(learned_, task_.train), excess(miss(at, task_.train), task_.train), fit_.fresh, fit_.predicted_decrease());
+      for (Eigen::Index i = 0; i < fit_.z.size(); ++i) fprintf(stderr, " %s %.2f", fit_.hypothesis.parameters[i].path.c_str(), fit_.z[i]);
+      fprintf(stderr, "\n");
+    }
   }
 
   double gain(const Fit& with, double numbers) const {
@@ -129,10 +188,143 @@ class Improver {
     return false;
   }
 
+  // What a term of size 1 adds at its port: as much as the model misses of the channel that shows it, or a
+  // twentieth of the field. 0 where nothing was measured that would show it.
+  double amplitude_at(const Effect& term) const {
+    const auto error = [&](recordings::Channel channel) {
+      double out = 0;
+      for (const std::size_t r : task_.train)
+        for (std::size_t c = 0; c < noise_[r].size(); ++c)
+          if ((*task_.bench)[r].channels[c].channel == channel) out = std::max(out, noise_[r][c].model_error);
+      return out;
+    };
+    const auto& a = fit_.hypothesis.model.actuator;
+    switch (term.family) {
+      case Family::strain:
+        return error(recordings::Channel::displacement) / a.length;
+      case Family::polarization:
+        return error(recordings::Channel::charge) / (a.area * static_cast<double>(a.layer_count));
+      default:
+        return 0.05 * largest_field();
+    }
+  }
+  double largest_field() const {
+    double out = 0;
+    for (const auto& r : *task_.bench)
+      for (const double e : r.knot_field) out = std::max(out, std::abs(e));
+    return out;
+  }
+
+  // With the term, whose weights stand at zero and are known to be that small.
+  static Hypothesis with_empirical(const Hypothesis& h, const Effect& term, const std::vector<double>& fixed,
+                                   double width) {
+    auto out = h;
+    EffectSetting setting{.id = std::string(term.id), .parameters = {}};
+    for (std::size_t i = 0; i < term.parameters.size(); ++i) {
+      const auto& p = term.parameters[i];
+      setting.parameters.emplace_back(p.name, i < fixed.size() ? fixed[i] : 0);
+      if (i < fixed.size()) continue;
+      out.parameters.push_back({.path = "effects." + setting.id + "." + std::string(p.name),
+                                .from = 0,
+                                .scale = width,
+                                .logarithmic = false,
+                                .low = -farthest_weight,
+                                .high = farthest_weight});
+    }
+    out.model.effects.push_back(std::move(setting));
+    return out;
+  }
+
+  // 2 ln of the marginal likelihood over that without the term.
+  double evidence(const Fit& with) const {
+    const auto log_determinant = [](const Fit& f) {
+      const Eigen::LDLT<Eigen::MatrixXd> factor(f.normal());
+      return factor.vectorD().array().max(1e-300).log().sum();
+    };
+    return residuals_->samples() * std::log(fit_.squares / with.squares) -
+           (log_determinant(with) - log_determinant(fit_));
+  }
+
+  struct Tried {
+    const Effect* term = nullptr;
+    Fit fit;
+    double evidence = -std::numeric_limits<double>::infinity();
+  };
+
+  // The term at one port: the time constant by a grid, then the width of the weights by the fixed point of
+  // the marginal likelihood (D. J. C. MacKay, Neural Comput. 4 (1992) 415).
+  Tried fit_empirical(const Place& at, const Effect& term) const {
+    Tried best{.term = &term, .fit = {}};
+    const double amplitude = amplitude_at(term);
+    if (amplitude <= 0) return best;
+    const bool remembers = term.parameters[2].unit == "s";
+    const auto solve = [&](const std::vector<double>& fixed, double width, const Eigen::VectorXd& from) {
+      const auto hypothesis = with_empirical(at.hypothesis, term, fixed, width);
+      Eigen::VectorXd z = prior_mean(hypothesis);
+      z.head(from.size()) = from;
+      auto f = minimize(*residuals_, hypothesis, z, solver(6, "fitting " + std::string(term.id)), &fit_);
+      if (!f.fresh) refresh_jacobian(*residuals_, f);
+      return f;
+    };
+    const auto keep = [&](Fit f) {
+      const double e = evidence(f);
+      if (e <= best.evidence) return false;
+      best.fit = std::move(f);
+      best.evidence = e;
+      return true;
+    };
+    std::vector<double> fixed{amplitude, largest_field()};
+    const auto [shortest, longest] = residuals_->times();
+    if (remembers) {
+      fixed.push_back(0);
+      double kept = 0;
+      for (const double decades : {0.25, 0.5, 0.75}) {
+        fixed.back() = 10 * shortest * std::pow(longest / (10 * shortest), decades);
+        if (keep(solve(fixed, 1, at.z))) kept = fixed.back();
+      }
+      fixed.back() = kept;
+    } else {
+      keep(solve(fixed, 1, at.z));
+    }
+    if (!std::isfinite(best.evidence)) return best;
+    double width = 1;
+    for (int i = 0; i < width_rounds; ++i) {
+      const auto weights = best.fit.z.tail(best.fit.z.size() - at.z.size());
+      const Eigen::MatrixXd covariance = best.fit.normal().inverse();
+      const double undetermined = covariance.diagonal().tail(weights.size()).sum(),
+                   determined = static_cast<double>(weights.size()) - undetermined;
+      width *= std::clamp(std::sqrt(weights.squaredNorm() / std::max(0.1, determined)), 0.1, 10.0);
+      if (!keep(solve(fixed, width, best.fit.z.head(at.z.size())))) break;
+    }
+    return best;
+  }
+
+  static std::vector<const Effect*> empirical_terms() {
+    std::vector<const Effect*> out;
+    for (const auto& e : effect_catalogue())
+      if (e.empirical) out.push_back(&e);
+    return out;
+  }
+
+  // The term at the port where the model becomes likeliest, if it holds on the locked recordings.
+  bool add_empirical(Place& at, std::vector<const Effect*>& ports) {
+    std::vector<Tried> tried;
+    for (const auto* term : ports) tried.push_back(fit_empirical(at, *term));
+    std::ranges::stable_sort(tried, std::greater<>(), &Tried::evidence);
+    for (auto& t : tried) {
+      if (t.evidence < least_gain) return false;
+      std::erase(ports, t.term);
+      if (accept(at, {std::move(t.fit.hypothesis), std::move(t.fit.z)}, t.term)) return true;
+    }
+    return false;
+  }
+
   bool accept(Place& at, Place next, const Effect* effect) {
-    const double share = share_explained(learned_, miss(next, task_.train)),
-                 held = task_.held_out.empty() ? share
-                                               : share_explained(locked_, miss(next, task_.held_out));
+    const auto share_of = [&](const Signals& before, const std::vector<std::size_t>& recordings) {
+      return 1 - excess(miss(next, recordings), recordings) / excess(before, recordings);
+    };
+    const double share = share_of(learned_, task_.train),
+                 held = task_.held_out.empty() ? share : share_of(locked_, task_.held_out);
     if (held < least_share_held_out) return false;
     at = std::move(next);
     out_.added.push_back({effect, share, held});
@@ -140,11 +332,14 @@ class Improver {
     return true;
   }
 
+  static constexpr double farthest_weight = 12;  // in prior standard deviations
+  static constexpr int width_rounds = 3;
   static constexpr double least_error = 1e-5;  // of the range: the likelihood needs one above zero
 
   const ImprovementTask& task_;
   std::vector<std::vector<NoiseModel>> noise_;  // with the model's error
-  SimulationOptions simulation_ = task_.simulation, coarse_{.tolerance = 1e-4, .domains = 1000};
+  SimulationOptions simulation_ = task_.simulation, coarse_ = task_.simulation;
+  bool chosen_ = false;
   std::unique_ptr<WhitenedRecordings> residuals_;
   Fit fit_;
   Signals learned_, locked_;

@@ -25,22 +25,35 @@ struct Squares {
 
 }  // namespace
 
-Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse, const Fit& fit) {
+namespace {
+
+Prediction predict_by(const WhitenedRecordings& fine, const WhitenedRecordings* coarse,
+                      const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
   const auto& chosen = fine.chosen();
   Prediction out{.simulated = Signals(chosen.size()), .standardized = Signals(chosen.size())};
   in_parallel(chosen.size(), fine.threads(), [&](std::size_t i) {
-    out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i]);
+    out.simulated[i] = fine.simulated(hypothesis, z, chosen[i]);
     const auto& r = fine.bench()[chosen[i]];
     Eigen::VectorXd normals = Eigen::VectorXd::Zero(r.knot_error.cols());
-    for (int round = 0; round < rounds && !r.level_of.empty(); ++round) {
-      normals = coarse.posterior_drive(fit.hypothesis, fit.z, i, normals, out.simulated[i]);
+    for (int round = 0; coarse != nullptr && round < rounds && !r.level_of.empty(); ++round) {
+      normals = coarse->posterior_drive(hypothesis, z, i, normals, out.simulated[i]);
       const auto drive = r.with_knots_moved(r.knot_error * normals);
-      out.simulated[i] = fine.simulated(fit.hypothesis, fit.z, chosen[i], &drive);
+      out.simulated[i] = fine.simulated(hypothesis, z, chosen[i], &drive);
     }
     for (std::size_t c = 0; c < out.simulated[i].size(); ++c)
       out.standardized[i].push_back(fine.plain_residual(chosen[i], c, out.simulated[i][c]));
   });
   return out;
+}
+
+}  // namespace
+
+Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse, const Fit& fit) {
+  return predict_by(fine, &coarse, fit.hypothesis, fit.z);
+}
+
+Prediction predict(const WhitenedRecordings& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
+  return predict_by(fine, nullptr, hypothesis, z);
 }
 
 ChannelFigures rms_by_channel(const WhitenedRecordings& residuals, const Signals& standardized) {

@@ -21,6 +21,8 @@ struct Prediction {
 // By the fine simulation. Drives that were read from a measured field are put where the channels want them,
 // as far as the field's noise allows; the coarse residuals of the same recordings make the slopes for that.
 Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse, const Fit& fit);
+// With drives as they were read: a model that misses by many times the noise would want them anywhere.
+Prediction predict(const WhitenedRecordings& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 
 ChannelFigures rms_by_channel(const WhitenedRecordings& residuals, const Signals& standardized);
 // Recordings (indices in the bench) with a channel that shows lack of fit.

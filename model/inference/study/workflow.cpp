@@ -122,11 +122,14 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
   out.samples = coarse.samples();
   auto recalibrated =
       fit_base(coarse, fine, base,
-               {.seed = options.seed, .roughly_fitted = options.roughly_fitted, .tick = options.tick});
+               {.seed = options.seed,
+                .roughly_fitted = options.roughly_fitted,
+                .is_enough = options.is_gross,
+                .tick = options.tick});
   health.starts = recalibrated.starts;
   health.start_spread = recalibrated.spread;
   out.base = std::move(recalibrated.fit);
-  if (options.is_gross && options.is_gross(out.base)) {
+  if (recalibrated.ended) {
     out.gross = true;
     out.selection.verdict = Verdict::unknown;
     out.selection.probability_unknown = 1;
