@@ -25,6 +25,9 @@ RateLaw rate_law(const model::Material& m, const Terms& t) {
   law.stabilization = t.stabilization;
   law.rising = 1 + t.asymmetry;
   law.falling = 1 - t.asymmetry;
+  law.exponent = t.barrier_exponent;
+  law.direct_rate = t.direct_rate;
+  law.direct_barrier = t.direct_barrier;
   return law;
 }
 
@@ -58,7 +61,7 @@ class Player {
       : mechanics_(model, terms),
         options_(options),
         law_(rate_law(model.material, terms)),
-        grains_(draw_nodes(model.material, model.polycrystal, options.domains)) {}
+        grains_(draw_nodes(model.material, model.polycrystal, options.domains, terms)) {}
 
   const State& state() const { return now_; }
   Seen truth() const {
@@ -110,7 +113,9 @@ class Player {
   // Change of ln(rate) per field and per stress.
   double per_field() const {
     const auto& m = mechanics_.model().material;
-    return law_.inverse_energy * (m.remanent_polarization + std::abs(m.piezoelectric_180 * now_.stress));
+    const double charges = law_.direct_rate > 0 ? 2 : 1;  // that a direct switch moves, over those of 90
+    return charges * law_.inverse_energy *
+           (m.remanent_polarization + std::abs(m.piezoelectric_180 * now_.stress));
   }
   double per_stress() const {
     const auto& m = mechanics_.model().material;
