@@ -230,6 +230,23 @@ void hide_in_physics(Bench& b, Draw& draw, const std::vector<Choice>& physics,
   }
 }
 
+protocols::Past draw_past(Draw& draw) {
+  using enum protocols::PastKind;
+  switch (draw.below(3)) {
+    case 0:
+      return {.kind = poled_minus};
+    case 1:
+      return {.kind = unpoled};
+    default:
+      // From saturation part of the way or all of it towards the other side.
+      const bool plus = draw.chance(0.5);
+      const double level = (plus ? -1 : 1) * draw.between(5e5, 2e6);
+      return {.kind = visited,
+              .from = plus ? protocols::FirstState::poled_plus : protocols::FirstState::poled_minus,
+              .levels = {{.field = level, .seconds = draw.decades(0.3, 10)}}};
+  }
+}
+
 void keep_three(std::vector<FieldProgram>& programs, Draw& draw) {
   while (programs.size() > 3)
     programs.erase(programs.begin() + 1 + static_cast<std::ptrdiff_t>(draw.below(programs.size() - 1)));
@@ -256,6 +273,11 @@ Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& o
   b.base = move_parameters(b.handed, draw, kind == Kind::moved ? 1 + static_cast<int>(draw.below(4)) : 0);
   auto programs = draw_programs(draw.generator, draw.between(1.8e6, 2.2e6));
   if (options.few_recordings) keep_three(programs, draw);
+  if (options.past) {
+    for (auto& p : programs) p.past = draw_past(draw);
+    for (const auto& p : programs) b.pasts.push_back(p.past);
+  }
+  const bool stated = options.past && index % 2 == 0;
 
   std::vector<std::size_t> channels{0, 1, 2, 3};
   if (options.charge_only) channels.resize(2);
@@ -293,17 +315,18 @@ Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& o
     auto hidden = b.physics;
     hidden.insert(hidden.end(), b.effects.begin(), b.effects.end());
     const auto truth = play(loaded(b.base, p), hidden, p.time, p.command,
-                            {.domains = options.domains, .path = 1, .session_time = session});
+                            {.domains = options.domains, .path = 1, .session_time = session, .past = p.past});
     session += p.time.back();
     recordings::Recording r;
     r.header.title = p.name;
-    const auto stated = loaded(b.handed, p);
+    const auto handed = loaded(b.handed, p);
     r.header.specimen = {.name = "",
-                         .length = stated.actuator.length,
-                         .area = stated.actuator.area,
-                         .layer_thickness = stated.actuator.layer_thickness,
-                         .layer_count = stated.actuator.layer_count};
-    r.header.load = {.spring_stiffness = stated.load.spring_stiffness, .prestress = stated.load.prestress};
+                         .length = handed.actuator.length,
+                         .area = handed.actuator.area,
+                         .layer_thickness = handed.actuator.layer_thickness,
+                         .layer_count = handed.actuator.layer_count};
+    r.header.load = {.spring_stiffness = handed.load.spring_stiffness, .prestress = handed.load.prestress};
+    if (stated) r.header.past = p.past;
     r.header.charge_reference =
         from_first ? recordings::ChargeReference::first_sample : recordings::ChargeReference::absolute;
     r.time = p.time;

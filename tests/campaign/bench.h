@@ -33,6 +33,7 @@ struct Bench {
   std::vector<std::string> families;
   std::vector<std::string> candidates;  // that may be named; empty: all
   std::map<recordings::Channel, double> noise, gain, offset;
+  std::vector<protocols::Past> pasts;  // of the recordings, as it was, if it was another than poled
   std::vector<model::NamedRecording> recordings;
 };
 
@@ -41,6 +42,7 @@ struct BenchOptions {
   double commanded = 0.85;      // share of the benches whose recordings hold the command
   bool low_noise = false;       // 0.01 to 0.02 % of the range, 16 bits, in place of 0.1 to 0.5 %
   bool few_recordings = false;  // the slow loops and two others
+  bool past = false;            // a specimen that is not poled towards +; half of the benches say so
   bool charge_only = false;     // field and charge of a free specimen: no spring, no prestress
 };
 

@@ -53,7 +53,8 @@ nlohmann::json truth_of(const Bench& b) {
   std::string kind;
   for (const auto& [k, name] : enum_names(Kind{}))
     if (k == b.kind) kind = name;
-  nlohmann::json names = nlohmann::json::array();
+  nlohmann::json names = nlohmann::json::array(), pasts = nlohmann::json::array();
+  for (const auto& p : b.pasts) pasts.push_back(protocols::to_json(p));
   for (const auto& r : b.recordings) names.push_back(r.name);
   return {{"seed", b.seed},
           {"recordings", names},
@@ -63,6 +64,7 @@ nlohmann::json truth_of(const Bench& b) {
           {"effects", effects},
           {"physics", physics},
           {"left", b.left},
+          {"pasts", pasts},
           {"candidates", b.candidates},
           {"noise", by_channel(b.noise)},
           {"gain", by_channel(b.gain)},

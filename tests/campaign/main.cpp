@@ -30,7 +30,7 @@ constexpr std::string_view usage =
     "  --commanded  share of the benches whose recordings hold the command (0.85); where the drive is at "
     "fault\n"
     "           they always do\n"
-    "  --vary   any of low_noise,few_recordings,charge_only\n"
+    "  --vary   any of low_noise,few_recordings,past,charge_only\n"
     "  --json   the answers; those that OUT holds already are kept and not asked for again\n"
     "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n"
     "  --read   take the benches from there\n"
@@ -61,11 +61,12 @@ Number number(const std::string& name, const std::string& text) {
 void vary(BenchOptions& bench, const std::string& what) {
   const std::map<std::string, bool*> places{{"low_noise", &bench.low_noise},
                                             {"few_recordings", &bench.few_recordings},
+                                            {"past", &bench.past},
                                             {"charge_only", &bench.charge_only}};
   std::istringstream words(what);
   for (std::string word; std::getline(words, word, ',');) {
     const auto place = places.find(word);
-    if (place == places.end()) throw bad("--vary", word, "low_noise, few_recordings, charge_only");
+    if (place == places.end()) throw bad("--vary", word, "low_noise, few_recordings, past, charge_only");
     *place->second = true;
   }
 }

@@ -27,7 +27,7 @@ struct Mechanics::Parts {
 };
 
 double Mechanics::prestress(double time) const {
-  return m_.load.prestress * (1 - t_.relaxation * (1 - std::exp(-time / t_.relaxation_time)));
+  return m_.load.prestress * (1 - t_.relaxation * (1 - std::exp(-std::max(0.0, time) / t_.relaxation_time)));
 }
 
 double Mechanics::spring(double x, double direction) const {
@@ -51,7 +51,8 @@ Mechanics::Parts Mechanics::parts(const State& from, const State& to, double h, 
   Parts p;
   p.instant = compliance(to) * stress + c.piezoelectric_180 * order * e + c.remanent_strain_90 * to.ninety() +
               c.compliance_180 * m_.load.prestress + t_.electrostriction * e * e +
-              t_.field_dependence * order * e * std::abs(e) + t_.order_squared * (order * order - 1);
+              t_.field_dependence * order * e * std::abs(e) + t_.order_squared * (order * order - 1) -
+              rest_strain_;
   double strain = p.instant + to.heat;
   if (t_.creep != 0)
     for (std::size_t i = 0; i < creep_times.size(); ++i)
@@ -151,6 +152,11 @@ void Mechanics::swing(const State& from, State& to, double h) const {
   }
   to.displacement = x;
   to.velocity = v;
+}
+
+void Mechanics::rest_in(const State& state) {
+  rest_strain_ = 0;
+  rest_strain_ = parts(state, state, 0, -m_.load.prestress).instant;
 }
 
 void Mechanics::settle(const State& from, State& to, double h) const {

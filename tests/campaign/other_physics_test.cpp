@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "model/on_recording.h"
 #include "tests/campaign/bench.h"
 #include "tests/campaign/grains.h"
 #include "tests/campaign/recalibration.h"
@@ -166,6 +167,31 @@ TEST(Recalibration, TakesUpWhatAFitWould) {
   EXPECT_GT(sizing.size(bias, noise), 1);
   EXPECT_LT(recalibration.left({bias}), 0.05 * sizing.size(bias, noise));
   EXPECT_NEAR(recalibration.left({pickup}) / sizing.size(pickup, noise), 1, 0.05);
+}
+
+class EachPast : public testing::TestWithParam<protocols::Past> {};
+INSTANTIATE_TEST_SUITE_P(All, EachPast,
+                         testing::Values(protocols::Past{.kind = protocols::PastKind::poled_minus},
+                                         protocols::Past{.kind = protocols::PastKind::unpoled},
+                                         protocols::Past{.kind = protocols::PastKind::visited,
+                                                         .levels = {{-9e5, 2}, {5e5, 1}}},
+                                         protocols::Past{.kind = protocols::PastKind::visited,
+                                                         .from = protocols::FirstState::unpoled,
+                                                         .levels = {{1.2e6, 1}}}));
+
+// Creep and relaxation too, which begin at different times.
+TEST_P(EachPast, IsTheSameInModelAndTwin) {
+  auto base = model::library_model("soft-pzt");
+  base.load = {.spring_stiffness = 3e6, .prestress = 5e6};
+  base.effects = {{"logarithmic_creep", {{"fraction_per_decade", 0.03}}},
+                  {"prestress_relaxation", {{"fraction", 0.1}, {"time_constant", 0.5}}}};
+  const auto twin = play(base, {}, loop.time, loop.field, {.domains = 8192, .past = GetParam()});
+  const auto past = GetParam();
+  const auto ours = model::simulate(base, loop.time, loop.field,
+                                    {.tolerance = 1e-5, .domains = 8000, .shift = 0, .past = &past});
+  EXPECT_LT(apart(model::channel_of(ours, Channel::charge), twin.charge), 1e-3);
+  EXPECT_LT(apart(model::channel_of(ours, Channel::displacement), twin.displacement), 1e-3);
+  EXPECT_LT(apart(model::channel_of(ours, Channel::force), twin.force), 1e-3);
 }
 
 TEST(PhysicsBench, IsSizedAndVaried) {

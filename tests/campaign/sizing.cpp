@@ -40,7 +40,7 @@ std::vector<Response> Sizing::play_all(const model::Model& base, const std::vect
   double session = 0;
   for (const auto& p : programs) {
     out.push_back(play(loaded(base, p), effects, p.time, p.command,
-                       {.domains = 480, .path = 2, .session_time = session}));
+                       {.domains = 480, .path = 2, .session_time = session, .past = p.past}));
     session += p.time.back();
   }
   return out;
