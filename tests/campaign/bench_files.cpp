@@ -96,8 +96,8 @@ Bench read_bench(const std::string& folder) {
     b.sizes.push_back(e.at("size"));
     b.families.push_back(e.at("family"));
   }
-  for (const auto& p : truth.at("physics")) b.physics.push_back(setting_from(p));
-  b.left = truth.at("left");
+  for (const auto& p : truth.value("physics", nlohmann::json::array())) b.physics.push_back(setting_from(p));
+  b.left = truth.value("left", 0.0);
   for (const std::string name : truth.at("recordings"))
     b.recordings.push_back({name, recordings::read_recording((path / (name + ".h5")).string())});
   return b;

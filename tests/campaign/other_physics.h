@@ -1,6 +1,5 @@
-// Base physics that is not the model's: what a real specimen does otherwise than the equations that are
-// fitted to it, in every recording. Parts that are neutral in the model, so that each can be played beside
-// any effect.
+// Base physics that is not the model's: what a real specimen does otherwise, in every recording, than the
+// equations that are fitted to it. The twin plays it like effects, beside any of them.
 #pragma once
 
 #include "tests/campaign/outsiders.h"
