@@ -111,10 +111,10 @@ std::vector<Figure> figures(const std::vector<Outcome>& all) {
                          const bool counts = physics(o) && o.names() && o.right();
                          return counts ? std::vector<double>{o.share_held_out} : std::vector<double>{};
                        }));
-  // Of its rms above noise.
+  // Of its rms above noise, where the locked recordings show any.
   out.push_back(middle(all, "another physics, unknown: locked gap, after over before, median", 0.5, false,
                        [](const Outcome& o) {
-                         const bool counts = physics(o) && o.verdict == "unknown";
+                         const bool counts = physics(o) && o.verdict == "unknown" && o.before > 1.05;
                          return counts ? std::vector<double>{std::sqrt(1 - o.share_held_out)}
                                        : std::vector<double>{};
                        }));
