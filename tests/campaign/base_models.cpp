@@ -1,7 +1,5 @@
 #include "tests/campaign/base_models.h"
 
-#include <vector>
-
 namespace ferrobench::campaign {
 
 model::Model draw_base(Draw& draw) {
@@ -32,8 +30,7 @@ model::Model draw_base(Draw& draw) {
   return m;
 }
 
-model::Model move_parameters(const model::Model& given, Draw& draw, int far) {
-  model::Model m = given;
+std::vector<double*> base_parameters(model::Model& m) {
   std::vector<double*> values{&m.material.remanent_polarization,
                               &m.material.remanent_strain_90,
                               &m.material.permittivity_180,
@@ -49,6 +46,12 @@ model::Model move_parameters(const model::Model& given, Draw& draw, int far) {
                               &m.polycrystal.interaction_stress_std,
                               &m.polycrystal.bias_field};
   if (m.actuator.passive_stiffness) values.push_back(&*m.actuator.passive_stiffness);
+  return values;
+}
+
+model::Model move_parameters(const model::Model& given, Draw& draw, int far) {
+  model::Model m = given;
+  const auto values = base_parameters(m);
   for (auto* value : values) *value *= 1 + draw.sign() * draw.between(0.05, 0.1);
   for (int i = 0; i < far; ++i)
     *values[draw.below(values.size())] *= 1 + draw.sign() * draw.between(0.1, 0.2);

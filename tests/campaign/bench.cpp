@@ -5,8 +5,8 @@
 
 #include "model/effects/catalogue.h"
 #include "tests/campaign/base_models.h"
-#include "tests/campaign/outsiders.h"
-#include "tests/campaign/sizing.h"
+#include "tests/campaign/other_physics.h"
+#include "tests/campaign/recalibration.h"
 
 namespace ferrobench::campaign {
 
@@ -14,15 +14,17 @@ using recordings::Channel;
 
 namespace {
 
-constexpr std::array<std::pair<Kind, std::string_view>, 7> kinds{{{Kind::single, "single"},
+constexpr std::array<std::pair<Kind, std::string_view>, 8> kinds{{{Kind::single, "single"},
                                                                   {Kind::pair, "pair"},
                                                                   {Kind::nothing, "nothing"},
                                                                   {Kind::moved, "moved"},
                                                                   {Kind::outside, "outside"},
                                                                   {Kind::withheld, "withheld"},
-                                                                  {Kind::coloured, "coloured"}}};
-constexpr std::array<Channel, 4> measured{Channel::field, Channel::charge, Channel::displacement,
-                                          Channel::force};
+                                                                  {Kind::coloured, "coloured"},
+                                                                  {Kind::physics, "physics"}}};
+// In the order of columns().
+constexpr std::array<Channel, 4> all_channels{Channel::field, Channel::charge, Channel::displacement,
+                                              Channel::force};
 
 // Where the recordings of a bench can tell what the time constants and the like are.
 double draw_shape(Draw& draw, std::string_view id, const model::EffectParameter& p) {
@@ -56,9 +58,18 @@ Choice catalogue_choice(std::size_t i) {
   const auto& e = named_effects()[i % named_effects().size()];
   return {std::string(e.id), e.family, e.parameters};
 }
-Choice outsider_choice(std::size_t i) {
-  const auto& e = outsiders()[i % outsiders().size()];
+Choice choice_of(const Outsider& e) {
   return {std::string(e.id), e.family, e.parameters};
+}
+Choice outsider_choice(std::size_t i) {
+  return choice_of(outsiders()[i % outsiders().size()]);
+}
+
+// Whether the charge of a free specimen depends on it.
+bool shows_in_charge(const Choice& choice) {
+  using enum model::Family;
+  return choice.family == kinetics || choice.family == polarization || choice.family == drive ||
+         choice.family == charge_sensor;
 }
 
 // Both act on the same thing in a way that the twin solves for one of them only.
@@ -71,24 +82,61 @@ bool clash(const std::string& a, const std::string& b) {
          (is(a, "amplifier_lag", "amplifier_slew_limit") && is(b, "amplifier_lag", "amplifier_slew_limit"));
 }
 
-std::vector<Choice> choose(const Bench& bench, Draw& draw) {
+// Each in turn, on every second round with one of the others.
+std::vector<Choice> choose_physics(const Bench& bench, const BenchOptions& options, Draw& draw) {
+  std::vector<Choice> all;
+  for (const auto& p : other_physics())
+    if (const auto choice = choice_of(p); !options.charge_only || shows_in_charge(choice))
+      all.push_back(choice);
+  const auto index = static_cast<std::size_t>(bench.index), turn = index + bench.seed;
+  std::vector<Choice> out{all[turn % all.size()]};
+  if (index / all.size() % 2 == 1) out.push_back(all[(turn + 1 + draw.below(all.size() - 1)) % all.size()]);
+  return out;
+}
+
+std::vector<Choice> choose(const Bench& bench, const std::vector<Choice>& physics,
+                           const BenchOptions& options, Draw& draw) {
   const std::size_t turn = static_cast<std::size_t>(bench.index) * 7 + bench.seed * 13;
+  const auto fits = [&](const Choice& c) {
+    return (!options.charge_only || shows_in_charge(c)) &&
+           std::ranges::all_of(physics, [&](const Choice& p) { return collision(p.id, c.id).empty(); });
+  };
+  const auto next = [&](std::size_t from) {
+    while (!fits(catalogue_choice(from))) ++from;
+    return catalogue_choice(from);
+  };
+  const auto pair = [&]() -> std::vector<Choice> {
+    for (;;) {
+      auto a = next(turn), b = catalogue_choice(draw.below(1000));
+      if (fits(b) && !clash(a.id, b.id)) return {a, b};
+    }
+  };
   switch (bench.kind) {
     case Kind::nothing:
     case Kind::moved:
       return {};
     case Kind::single:
     case Kind::withheld:
-      return {catalogue_choice(turn)};
+      return {next(turn)};
     case Kind::outside:
       return {outsider_choice(turn)};
     case Kind::coloured:
       if (bench.index % 2 == 0) return {};
-      return {catalogue_choice(draw.below(1000))};
+      return {next(draw.below(1000))};
     case Kind::pair:
-      for (;;) {
-        auto a = catalogue_choice(turn), b = catalogue_choice(draw.below(1000));
-        if (!clash(a.id, b.id)) return {a, b};
+      return pair();
+    case Kind::physics:
+      // Of ten benches three have nothing on top, five one effect, two a pair.
+      switch (bench.index % 10) {
+        case 0:
+        case 3:
+        case 6:
+          return {};
+        case 4:
+        case 8:
+          return pair();
+        default:
+          return {next(turn)};
       }
   }
   return {};
@@ -111,12 +159,6 @@ std::vector<double> noise(Draw& draw, std::size_t n, double std, double memory) 
     v = memory > 0 ? std * std::sqrt(0.5) * (slow + draw.normal()) : std * draw.normal();
   }
   return out;
-}
-
-const std::vector<double>& column(const Response& r, Channel c) {
-  if (c == Channel::charge) return r.charge;
-  if (c == Channel::displacement) return r.displacement;
-  return c == Channel::force ? r.force : r.field;
 }
 
 }  // namespace
@@ -148,6 +190,82 @@ Kind kind_of(int index) {
   return cycle.at(static_cast<std::size_t>(index) % cycle.size());
 }
 
+namespace {
+
+struct Effort {
+  int attempts = 3, tries = 12;
+};
+
+// An effect of a size drawn between `smallest` and `largest` times `unit`. Some cannot be had in any size:
+// after the last attempt whatever it is.
+Sized hide(Draw& draw, const Choice& choice, double unit, double smallest, double largest,
+           const std::function<double(const model::EffectSetting&)>& size, const Effort& effort = {}) {
+  Sized out;
+  for (int attempt = 0;
+       attempt < effort.attempts && !(out.size > 0.8 * smallest * unit && out.size < 1.5 * largest * unit);
+       ++attempt) {
+    model::EffectSetting effect{.id = choice.id, .parameters = {}};
+    for (const auto& p : choice.parameters)
+      effect.parameters.emplace_back(p.name, draw_shape(draw, choice.id, p) * (p.any_sign ? draw.sign() : 1));
+    out =
+        sized(effect, choice.parameters.front(), unit * draw.decades(smallest, largest), size, effort.tries);
+  }
+  return out;
+}
+
+// Sized by what a recalibration of the base model leaves: two kinds together as one alone, and effects
+// against the physics that they come on top of.
+void hide_in_physics(Bench& b, Draw& draw, const std::vector<Choice>& physics,
+                     const std::vector<Choice>& effects, const Sizing& sizing,
+                     const std::array<double, 4>& noise) {
+  // Each try is played twice. At the end of its range a kind is as strong as it may be.
+  constexpr Effort of_physics{.attempts = 1, .tries = 8}, of_effects{.attempts = 2, .tries = 12};
+  Recalibration recalibration(sizing, noise);
+  const double wanted = draw.decades(0.2, 5);
+  for (const auto& choice : physics) {
+    const auto left = [&](const model::EffectSetting& kind) {
+      auto all = b.physics;
+      all.push_back(kind);
+      return recalibration.left(all);
+    };
+    const bool last = &choice == &physics.back();
+    const auto found = hide(draw, choice, last ? wanted : wanted * std::sqrt(0.5), 1, 1, left, of_physics);
+    b.physics.push_back(found.effect);
+    b.left = found.size;
+  }
+  recalibration.start_from(b.physics);
+  for (const auto& choice : effects) {
+    const auto left = [&](const model::EffectSetting& effect) { return recalibration.left({effect}); };
+    const auto found = hide(draw, choice, b.left, 2, 30, left, of_effects);
+    b.effects.push_back(found.effect);
+    b.sizes.push_back(found.size);
+  }
+}
+
+protocols::Past draw_past(Draw& draw) {
+  using enum protocols::PastKind;
+  switch (draw.below(3)) {
+    case 0:
+      return {.kind = poled_minus};
+    case 1:
+      return {.kind = unpoled};
+    default:
+      // From saturation part of the way or all of it towards the other side.
+      const bool plus = draw.chance(0.5);
+      const double level = (plus ? -1 : 1) * draw.between(5e5, 2e6);
+      return {.kind = visited,
+              .from = plus ? protocols::FirstState::poled_plus : protocols::FirstState::poled_minus,
+              .levels = {{.field = level, .seconds = draw.decades(0.3, 10)}}};
+  }
+}
+
+void keep_three(std::vector<FieldProgram>& programs, Draw& draw) {
+  while (programs.size() > 3)
+    programs.erase(programs.begin() + 1 + static_cast<std::ptrdiff_t>(draw.below(programs.size() - 1)));
+}
+
+}  // namespace
+
 Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& options) {
   Draw draw(seed * 1000003 + static_cast<std::uint64_t>(index));
   Bench b;
@@ -155,29 +273,40 @@ Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& o
   b.index = index;
   b.kind = kind;
   b.coloured = kind == Kind::coloured;
-  const auto choices = choose(b, draw);
+  const auto physics = kind == Kind::physics ? choose_physics(b, options, draw) : std::vector<Choice>();
+  const auto choices = choose(b, physics, options, draw);
   b.handed = draw_base(draw);
+  if (options.charge_only) b.handed.load = {};
+  // Else the effect internal_bias_field would do much of what unequal barriers do.
+  if (const bool unequal = std::ranges::find(physics, "switching_asymmetry", &Choice::id) != physics.end();
+      unequal && b.handed.polycrystal.bias_field == 0)
+    b.handed.polycrystal.bias_field = draw.sign() * draw.between(2e4, 1e5);
   for (const auto& choice : choices) make_absent(b.handed, choice.id);
   b.base = move_parameters(b.handed, draw, kind == Kind::moved ? 1 + static_cast<int>(draw.below(4)) : 0);
-  const auto programs = draw_programs(draw.generator, draw.between(1.8e6, 2.2e6));
-
-  const Sizing sizing(b.base, programs);
-  std::array<double, 4> std = sizing.ranges();
-  for (double& v : std) v *= draw.decades(1e-3, 5e-3);
-  for (const auto& choice : choices) {
-    model::EffectSetting effect{.id = choice.id, .parameters = {}};
-    double reached = 0;
-    for (int attempt = 0; attempt < 3 && !(reached > 1.2 && reached < 60); ++attempt) {
-      effect.parameters.clear();
-      for (const auto& p : choice.parameters)
-        effect.parameters.emplace_back(p.name,
-                                       draw_shape(draw, choice.id, p) * (p.any_sign ? draw.sign() : 1));
-      effect = sizing.sized(effect, choice.parameters.front(), draw.decades(1.5, 40), std, &reached);
-    }
-    b.effects.push_back(effect);
-    b.sizes.push_back(reached);
-    b.families.emplace_back(model::family_name(choice.family));
+  auto programs = draw_programs(draw.generator, draw.between(1.8e6, 2.2e6));
+  if (options.few_recordings) keep_three(programs, draw);
+  if (options.past) {
+    for (auto& p : programs) p.past = draw_past(draw);
+    for (const auto& p : programs) b.pasts.push_back(p.past);
   }
+  const bool stated = options.past && index % 2 == 0;
+
+  std::vector<std::size_t> channels{0, 1, 2, 3};
+  if (options.charge_only) channels.resize(2);
+  const Sizing sizing(b.base, programs, channels);
+  std::array<double, 4> std = sizing.ranges();
+  for (double& v : std) v *= options.low_noise ? draw.decades(1e-4, 2e-4) : draw.decades(1e-3, 5e-3);
+  if (kind == Kind::physics) {
+    hide_in_physics(b, draw, physics, choices, sizing, std);
+  } else {
+    for (const auto& choice : choices) {
+      const auto found = hide(draw, choice, 1, 1.5, 40,
+                              [&](const model::EffectSetting& effect) { return sizing.size(effect, std); });
+      b.effects.push_back(found.effect);
+      b.sizes.push_back(found.size);
+    }
+  }
+  for (const auto& choice : choices) b.families.emplace_back(model::family_name(choice.family));
   if (kind == Kind::withheld)
     for (const auto& e : named_effects())
       if (e.id != choices[0].id) b.candidates.emplace_back(e.id);
@@ -187,32 +316,37 @@ Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& o
   const bool command = drive || draw.chance(options.commanded);
   const bool from_first = draw.chance(0.2);
   const auto ranges = sizing.ranges();
-  for (std::size_t c = 0; c < measured.size(); ++c) {
-    b.noise[measured.at(c)] = std.at(c);
-    b.gain[measured.at(c)] = 1 + draw.sign() * draw.between(0.01, 0.02);
-    b.offset[measured.at(c)] = draw.sign() * draw.between(0.01, 0.02) * ranges.at(c);
+  for (const std::size_t c : channels) {
+    const auto channel = all_channels.at(c);
+    b.noise[channel] = std.at(c);
+    b.gain[channel] = 1 + draw.sign() * draw.between(0.01, 0.02);
+    b.offset[channel] = draw.sign() * draw.between(0.01, 0.02) * ranges.at(c);
   }
   double session = 0;
   for (const auto& p : programs) {
-    const auto truth = play(loaded(b.base, p), b.effects, p.time, p.command,
-                            {.domains = options.domains, .path = 1, .session_time = session});
+    auto hidden = b.physics;
+    hidden.insert(hidden.end(), b.effects.begin(), b.effects.end());
+    const auto truth = play(loaded(b.base, p), hidden, p.time, p.command,
+                            {.domains = options.domains, .path = 1, .session_time = session, .past = p.past});
     session += p.time.back();
     recordings::Recording r;
     r.header.title = p.name;
-    const auto stated = loaded(b.handed, p);
+    const auto handed = loaded(b.handed, p);
     r.header.specimen = {.name = "",
-                         .length = stated.actuator.length,
-                         .area = stated.actuator.area,
-                         .layer_thickness = stated.actuator.layer_thickness,
-                         .layer_count = stated.actuator.layer_count};
-    r.header.load = {.spring_stiffness = stated.load.spring_stiffness, .prestress = stated.load.prestress};
+                         .length = handed.actuator.length,
+                         .area = handed.actuator.area,
+                         .layer_thickness = handed.actuator.layer_thickness,
+                         .layer_count = handed.actuator.layer_count};
+    r.header.load = {.spring_stiffness = handed.load.spring_stiffness, .prestress = handed.load.prestress};
+    if (stated) r.header.past = p.past;
     r.header.charge_reference =
         from_first ? recordings::ChargeReference::first_sample : recordings::ChargeReference::absolute;
     r.time = p.time;
     if (command) r.set(Channel::command) = p.command;
-    for (const auto c : measured) {
+    for (const std::size_t place : channels) {
+      const auto c = all_channels.at(place);
       auto& out = r.set(c);
-      const auto& clean = column(truth, c);
+      const auto& clean = *columns(truth).at(place);
       out = noise(draw, p.time.size(), b.noise[c], b.coloured ? draw.between(0.7, 0.95) : 0);
       const double zero = c == Channel::charge && from_first ? clean[0] : 0;
       const double offset = c == Channel::charge && from_first ? 0 : b.offset[c];

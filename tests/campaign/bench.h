@@ -14,7 +14,7 @@
 
 namespace ferrobench::campaign {
 
-enum class Kind { single, pair, nothing, moved, outside, withheld, coloured };
+enum class Kind { single, pair, nothing, moved, outside, withheld, coloured, physics };
 std::span<const std::pair<Kind, std::string_view>> enum_names(Kind);
 std::string_view kind_name(Kind kind);
 Kind kind_named(std::string_view name);  // Error(invalid_params) with those that there are
@@ -28,15 +28,22 @@ struct Bench {
   model::Model base;                          // what made the recordings, without the hidden effects
   std::vector<model::EffectSetting> effects;  // hidden
   std::vector<double> sizes;                  // rms over noise, of each where it shows most
+  std::vector<model::EffectSetting> physics;  // that is not the model's, in every recording
+  double left = 0;                            // of it after recalibration, likewise
   std::vector<std::string> families;
   std::vector<std::string> candidates;  // that may be named; empty: all
   std::map<recordings::Channel, double> noise, gain, offset;
+  std::vector<protocols::Past> pasts;  // of the recordings, as it was, if it was another than poled
   std::vector<model::NamedRecording> recordings;
 };
 
 struct BenchOptions {
   int domains = 16384;
-  double commanded = 0.85;  // share of the benches whose recordings hold the command
+  double commanded = 0.85;      // share of the benches whose recordings hold the command
+  bool low_noise = false;       // 0.01 to 0.02 % of the range, 16 bits, in place of 0.1 to 0.5 %
+  bool few_recordings = false;  // the slow loops and two others
+  bool past = false;            // a specimen that is not poled towards +; half of the benches say so
+  bool charge_only = false;     // field and charge of a free specimen: no spring, no prestress
 };
 
 // The same seed, index and kind always give the same bench.

@@ -20,6 +20,19 @@ nlohmann::json read_json(const std::filesystem::path& path) {
   return nlohmann::json::parse(in);
 }
 
+nlohmann::json setting_json(const model::EffectSetting& setting) {
+  nlohmann::json parameters = nlohmann::json::object();
+  for (const auto& [name, value] : setting.parameters) parameters[name] = value;
+  return {{"id", setting.id}, {"parameters", parameters}};
+}
+
+model::EffectSetting setting_from(const nlohmann::json& json) {
+  model::EffectSetting setting{.id = json.at("id"), .parameters = {}};
+  for (const auto& [name, value] : json.at("parameters").items())
+    setting.parameters.emplace_back(name, value);
+  return setting;
+}
+
 nlohmann::json by_channel(const std::map<recordings::Channel, double>& values) {
   nlohmann::json out = nlohmann::json::object();
   for (const auto& [channel, value] : values) out[std::string(channel_name(channel))] = value;
@@ -29,19 +42,19 @@ nlohmann::json by_channel(const std::map<recordings::Channel, double>& values) {
 }  // namespace
 
 nlohmann::json truth_of(const Bench& b) {
-  nlohmann::json effects = nlohmann::json::array();
+  nlohmann::json effects = nlohmann::json::array(), physics = nlohmann::json::array();
+  for (const auto& p : b.physics) physics.push_back(setting_json(p));
   for (std::size_t i = 0; i < b.effects.size(); ++i) {
-    nlohmann::json parameters = nlohmann::json::object();
-    for (const auto& [name, value] : b.effects[i].parameters) parameters[name] = value;
-    effects.push_back({{"id", b.effects[i].id},
-                       {"family", b.families[i]},
-                       {"parameters", parameters},
-                       {"size", b.sizes[i]}});
+    effects.push_back(setting_json(b.effects[i]));
+    effects.back()["family"] = b.families[i];
+    effects.back()["size"] = b.sizes[i];
+    if (b.left > 0) effects.back()["over_left"] = b.sizes[i] / b.left;
   }
   std::string kind;
   for (const auto& [k, name] : enum_names(Kind{}))
     if (k == b.kind) kind = name;
-  nlohmann::json names = nlohmann::json::array();
+  nlohmann::json names = nlohmann::json::array(), pasts = nlohmann::json::array();
+  for (const auto& p : b.pasts) pasts.push_back(protocols::to_json(p));
   for (const auto& r : b.recordings) names.push_back(r.name);
   return {{"seed", b.seed},
           {"recordings", names},
@@ -49,6 +62,9 @@ nlohmann::json truth_of(const Bench& b) {
           {"kind", kind_name(b.kind)},
           {"coloured", b.coloured},
           {"effects", effects},
+          {"physics", physics},
+          {"left", b.left},
+          {"pasts", pasts},
           {"candidates", b.candidates},
           {"noise", by_channel(b.noise)},
           {"gain", by_channel(b.gain)},
@@ -76,12 +92,12 @@ Bench read_bench(const std::string& folder) {
   b.handed = model::model_from_file((path / "model.json").string());
   b.candidates = truth.at("candidates").get<std::vector<std::string>>();
   for (const auto& e : truth.at("effects")) {
-    model::EffectSetting setting{.id = e.at("id"), .parameters = {}};
-    for (const auto& [name, value] : e.at("parameters").items()) setting.parameters.emplace_back(name, value);
-    b.effects.push_back(std::move(setting));
+    b.effects.push_back(setting_from(e));
     b.sizes.push_back(e.at("size"));
     b.families.push_back(e.at("family"));
   }
+  for (const auto& p : truth.value("physics", nlohmann::json::array())) b.physics.push_back(setting_from(p));
+  b.left = truth.value("left", 0.0);
   for (const std::string name : truth.at("recordings"))
     b.recordings.push_back({name, recordings::read_recording((path / (name + ".h5")).string())});
   return b;

@@ -102,6 +102,29 @@ TEST(Score, CountsAnswers) {
   EXPECT_TRUE(answered({"x"}, "named", {"a"}, 0.7, Kind::outside).wrong_name());
 }
 
+TEST(Score, AnotherPhysicsMayBeUnknownAndIsNoEffect) {
+  EXPECT_TRUE(answered({}, "nothing_missing", {}, 0.9, Kind::physics).right());
+  EXPECT_TRUE(answered({}, "unknown", {}, 0.9, Kind::physics).right());
+  EXPECT_FALSE(answered({}, "named", {"a"}, 0.9, Kind::physics).right());
+  EXPECT_FALSE(answered({"a"}, "unknown", {}, 0.9, Kind::physics).right());
+  EXPECT_TRUE(answered({"a"}, "named", {"a"}, 0.9, Kind::physics).right());
+}
+
+TEST(Score, ShareIsOfTheExcessAboveNoise) {
+  Bench b;
+  b.kind = Kind::physics;
+  b.left = 0.5;
+  b.sizes = {4, 1.5};
+  model::Discovery d;
+  d.held_out.before = {{Channel::charge, 3}, {Channel::force, 2}};
+  d.held_out.after = {{Channel::charge, 1.5}, {Channel::force, 1}};
+  const auto o = score(b, d);
+  EXPECT_DOUBLE_EQ(o.over_left, 3);
+  EXPECT_DOUBLE_EQ(o.share_held_out, 1 - 1.25 / 11);
+  d.held_out.before = d.held_out.after = {{Channel::charge, 1}};
+  EXPECT_DOUBLE_EQ(score(b, d).share_held_out, 0);
+}
+
 // An answer that says how strong a thing must be to show is right about what is weaker.
 TEST(Score, WhatIsTooWeakToShowIsToldApartFromWhatIsMissed) {
   Bench b;
@@ -133,6 +156,8 @@ TEST(Score, OutcomesAreKeptInFiles) {
   o.index = 17;
   o.coloured = true;
   o.size = 3.5;
+  o.over_left = 2.5;
+  o.share_held_out = 0.75;
   o.family = "drive";
   o.family_right = true;
   o.class_right = true;

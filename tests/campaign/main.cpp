@@ -12,6 +12,7 @@
 #include <iostream>
 #include <mutex>
 #include <optional>
+#include <sstream>
 #include <thread>
 
 #include "tests/campaign/table.h"
@@ -21,13 +22,15 @@ namespace {
 
 constexpr std::string_view usage =
     "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--jobs J] [--commanded SHARE] "
-    "[--json OUT] [--write FOLDER | --read FOLDER] [--strict yes]\n"
-    "  --kind   single | pair | nothing | moved | outside | withheld | coloured; without it a mixture\n"
+    "[--vary V,V] [--json OUT] [--write FOLDER | --read FOLDER] [--strict yes]\n"
+    "  --kind   single | pair | nothing | moved | outside | withheld | coloured | physics; without it a\n"
+    "           mixture of all but the last\n"
     "  --first  index of the first bench\n"
     "  --jobs   benches at a time, which share the cores (1)\n"
     "  --commanded  share of the benches whose recordings hold the command (0.85); where the drive is at "
     "fault\n"
     "           they always do\n"
+    "  --vary   any of low_noise,few_recordings,past,charge_only\n"
     "  --json   the answers; those that OUT holds already are kept and not asked for again\n"
     "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n"
     "  --read   take the benches from there\n"
@@ -55,6 +58,19 @@ Number number(const std::string& name, const std::string& text) {
   return out;
 }
 
+void vary(BenchOptions& bench, const std::string& what) {
+  const std::map<std::string, bool*> places{{"low_noise", &bench.low_noise},
+                                            {"few_recordings", &bench.few_recordings},
+                                            {"past", &bench.past},
+                                            {"charge_only", &bench.charge_only}};
+  std::istringstream words(what);
+  for (std::string word; std::getline(words, word, ',');) {
+    const auto place = places.find(word);
+    if (place == places.end()) throw bad("--vary", word, "low_noise, few_recordings, past, charge_only");
+    *place->second = true;
+  }
+}
+
 Arguments parse(std::span<char*> words) {
   Arguments a;
   for (std::size_t i = 1; i < words.size(); i += 2) {
@@ -79,6 +95,8 @@ Arguments parse(std::span<char*> words) {
       a.read = value;
     } else if (name == "--json") {
       a.json = value;
+    } else if (name == "--vary") {
+      vary(a.bench, value);
     } else if (name == "--strict") {
       if (value != "yes" && value != "no") throw bad(name, value, "yes or no");
       a.strict = value == "yes";
@@ -108,6 +126,8 @@ void write_all(const Arguments& a) {
     for (const auto& e : truth["effects"])
       effects += " " + e["id"].get<std::string>() + " " + e["parameters"].dump() + " size " +
                  std::to_string(e["size"].get<double>());
+    for (const auto& p : truth["physics"]) effects += " with " + p.dump();
+    if (bench.left > 0) effects += " that leave " + std::to_string(bench.left);
     std::cout << folder << ' ' << truth["kind"].get<std::string>() << effects << ", " << samples
               << " samples, "
               << std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() << " s\n"

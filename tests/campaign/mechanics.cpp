@@ -11,7 +11,6 @@ namespace ferrobench::campaign {
 namespace {
 
 constexpr std::array<double, 5> creep_times{0.1, 1, 10, 100, 1000};
-constexpr double spring_presliding = 0.5e-6;  // m
 constexpr double no_target = std::numeric_limits<double>::quiet_NaN();
 
 double dahl(double z, double moved, double distance) {
@@ -28,12 +27,13 @@ struct Mechanics::Parts {
 };
 
 double Mechanics::prestress(double time) const {
-  return m_.load.prestress * (1 - t_.relaxation * (1 - std::exp(-time / t_.relaxation_time)));
+  return m_.load.prestress * (1 - t_.relaxation * (1 - std::exp(-std::max(0.0, time) / t_.relaxation_time)));
 }
 
 double Mechanics::spring(double x, double direction) const {
   const double seen = t_.gap ? std::max(0.0, x - *t_.gap) : x;
-  return m_.load.spring_stiffness * seen * (1 + t_.hardening * seen) * (1 + t_.spring_direction * direction);
+  return m_.load.spring_stiffness * seen * (1 + t_.hardening * seen) * (1 + t_.spring_direction * direction) +
+         m_.load.spring_stiffness * t_.spring_width * direction;
 }
 
 double Mechanics::compliance(const State& s) const {
@@ -51,7 +51,8 @@ Mechanics::Parts Mechanics::parts(const State& from, const State& to, double h, 
   Parts p;
   p.instant = compliance(to) * stress + c.piezoelectric_180 * order * e + c.remanent_strain_90 * to.ninety() +
               c.compliance_180 * m_.load.prestress + t_.electrostriction * e * e +
-              t_.field_dependence * order * e * std::abs(e) + t_.order_squared * (order * order - 1);
+              t_.field_dependence * order * e * std::abs(e) + t_.order_squared * (order * order - 1) -
+              rest_strain_;
   double strain = p.instant + to.heat;
   if (t_.creep != 0)
     for (std::size_t i = 0; i < creep_times.size(); ++i)
@@ -66,8 +67,8 @@ Mechanics::Parts Mechanics::parts(const State& from, const State& to, double h, 
   p.displacement = m_.actuator.length * strain - push * t_.passive_compliance;
   const double moved = p.displacement - from.displacement;
   if (t_.friction != 0) p.friction = h > 0 ? dahl(from.friction, moved, t_.presliding) : from.friction;
-  if (t_.spring_direction != 0)
-    p.direction = h > 0 ? dahl(from.direction, moved, spring_presliding) : from.direction;
+  if (t_.spring_remembers())
+    p.direction = h > 0 ? dahl(from.direction, moved, t_.spring_distance) : from.direction;
   p.missing = push - spring(p.displacement, p.direction) - t_.friction * p.friction;
   return p;
 }
@@ -135,7 +136,10 @@ void Mechanics::swing(const State& from, State& to, double h) const {
     const double free = start + (end - start) * since / h;
     const double rub =
         t_.friction == 0 ? 0 : t_.friction * dahl(from.friction, at - from.displacement, t_.presliding);
-    return (actuator * (free - at) - spring(at, from.direction) - rub - damping * speed) / t_.mass;
+    const double moved = at - from.displacement;
+    const double direction =
+        t_.spring_remembers() ? dahl(from.direction, moved, t_.spring_distance) : from.direction;
+    return (actuator * (free - at) - spring(at, direction) - rub - damping * speed) / t_.mass;
   };
   for (int i = 0; i < n; ++i) {
     const double t = h - span + i * dt;
@@ -148,6 +152,11 @@ void Mechanics::swing(const State& from, State& to, double h) const {
   }
   to.displacement = x;
   to.velocity = v;
+}
+
+void Mechanics::rest_in(const State& state) {
+  rest_strain_ = 0;
+  rest_strain_ = parts(state, state, 0, -m_.load.prestress).instant;
 }
 
 void Mechanics::settle(const State& from, State& to, double h) const {

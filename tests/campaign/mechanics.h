@@ -31,6 +31,8 @@ class Mechanics {
  public:
   Mechanics(const model::Model& model, const Terms& terms) : m_(model), t_(terms) {}
 
+  // The zero of the displacement is the specimen at rest in this state, without field.
+  void rest_in(const State& state);
   // Fills in all of `to` that follows from its fractions, field and time, h seconds after `from`.
   void settle(const State& from, State& to, double h) const;
   double force(const State& s) const;         // N, load cell
@@ -53,6 +55,7 @@ class Mechanics {
 
   model::Model m_;
   Terms t_;
+  double rest_strain_ = 0;
 };
 
 }  // namespace ferrobench::campaign

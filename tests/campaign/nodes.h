@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "model/model.h"
+#include "tests/campaign/terms.h"
 
 namespace ferrobench::campaign {
 
@@ -13,9 +13,11 @@ struct Nodes {
   std::vector<double> field;    // V/m
   std::vector<double> stress;   // Pa
   std::vector<double> weight;   // sums to 1
+  std::vector<double> pace;     // factor on the rates; empty: 1
 };
 
-// `count` nodes; one if there is no spread.
-Nodes draw_nodes(const model::Material& material, const model::Polycrystal& polycrystal, int count);
+// `count` nodes; one if there is no spread. Of the terms those that spread otherwise.
+Nodes draw_nodes(const model::Material& material, const model::Polycrystal& polycrystal, int count,
+                 const Terms& terms);
 
 }  // namespace ferrobench::campaign

@@ -49,4 +49,10 @@ std::span<const Outsider> outsiders() {
   return all;
 }
 
+const Outsider& outsider(std::string_view id) {
+  for (const auto& o : outsiders())
+    if (o.id == id) return o;
+  throw Error(ErrorCode::not_found, "there is no outsider " + std::string(id));
+}
+
 }  // namespace ferrobench::campaign

@@ -17,5 +17,6 @@ struct Outsider {
 };
 
 std::span<const Outsider> outsiders();
+const Outsider& outsider(std::string_view id);  // Error(not_found)
 
 }  // namespace ferrobench::campaign

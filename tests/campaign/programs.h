@@ -6,12 +6,15 @@
 #include <string>
 #include <vector>
 
+#include "protocols/past.h"
+
 namespace ferrobench::campaign {
 
 struct FieldProgram {
   std::string name;
   std::vector<double> time, command;  // s, V/m
   double prestress = 1, spring = 1;   // factors on the bench's load
+  protocols::Past past{};             // of the specimen; unknown: poled towards +
 };
 
 // `top` [V/m] saturates the bench's material. Together about 30,000 samples.

@@ -21,6 +21,7 @@ Outcome start(const Bench& b) {
   for (const auto& e : b.effects) o.truth.insert(e.id);
   o.in_catalogue = in_catalogue(b.kind);
   for (const double size : b.sizes) o.size = std::max(o.size, size);
+  if (b.left > 0 && !b.sizes.empty()) o.over_left = *std::ranges::min_element(b.sizes) / b.left;
   return o;
 }
 
@@ -69,6 +70,17 @@ double rms(const model::ChannelFigures& figures) {
   return figures.empty() ? 0 : std::sqrt(sum / static_cast<double>(figures.size()));
 }
 
+// 1 - sum (after^2 - 1) / sum (before^2 - 1) over the channels, within 0 to 1; 0 if nothing is above noise.
+double share_removed(const model::Gap& gap) {
+  const auto excess = [](const model::ChannelFigures& figures) {
+    double sum = 0;
+    for (const auto& [channel, value] : figures) sum += value * value - 1;
+    return sum;
+  };
+  const double before = excess(gap.before);
+  return before > 0 ? std::clamp(1 - excess(gap.after) / before, 0.0, 1.0) : 0;
+}
+
 std::string joined(const std::set<std::string>& names) {
   std::string out;
   for (const auto& name : names) out += (out.empty() ? "" : "+") + name;
@@ -78,7 +90,7 @@ std::string joined(const std::set<std::string>& names) {
 }  // namespace
 
 bool Outcome::right() const {
-  if (truth.empty()) return verdict == "nothing_missing";
+  if (truth.empty()) return verdict == "nothing_missing" || (kind == Kind::physics && verdict == "unknown");
   if (!in_catalogue) return verdict == "unknown";
   return names() && named == truth;
 }
@@ -122,6 +134,7 @@ Outcome score(const Bench& b, const model::Discovery& d) {
   }
   o.before = rms(d.held_out.before);
   o.after = rms(d.held_out.after);
+  o.share_held_out = share_removed(d.held_out);
   o.seconds = d.health.seconds;
   return o;
 }
@@ -159,6 +172,7 @@ nlohmann::json to_json(const Outcome& o) {
           {"coloured", o.coloured},
           {"truth", o.truth},
           {"size", o.size},
+          {"over_left", o.over_left},
           {"verdict", o.verdict},
           {"error", o.error},
           {"named", o.named},
@@ -169,7 +183,7 @@ nlohmann::json to_json(const Outcome& o) {
           {"right_up_to_class", o.right() || o.class_right},
           {"parameter_errors", o.parameter_errors},
           {"intervals", {{"count", o.intervals}, {"holding", o.holding}}},
-          {"held_out", {{"before", o.before}, {"after", o.after}}},
+          {"held_out", {{"before", o.before}, {"after", o.after}, {"share", o.share_held_out}}},
           {"seconds", o.seconds}};
 }
 
@@ -181,6 +195,7 @@ Outcome outcome_from_json(const nlohmann::json& json) {
   json.at("truth").get_to(o.truth);
   o.in_catalogue = in_catalogue(o.kind);
   json.at("size").get_to(o.size);
+  o.over_left = json.value("over_left", 0.0);
   json.at("verdict").get_to(o.verdict);
   json.at("error").get_to(o.error);
   json.at("named").get_to(o.named);
@@ -195,6 +210,7 @@ Outcome outcome_from_json(const nlohmann::json& json) {
   }
   json.at("held_out").at("before").get_to(o.before);
   json.at("held_out").at("after").get_to(o.after);
+  o.share_held_out = json.at("held_out").value("share", 0.0);
   json.at("seconds").get_to(o.seconds);
   return o;
 }

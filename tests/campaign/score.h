@@ -17,6 +17,7 @@ struct Outcome {
   std::set<std::string> truth;  // ids; empty if nothing is hidden
   bool in_catalogue = true;     // all of them may be named
   double size = 0;              // of the largest
+  double over_left = 0;         // the smallest over what another base physics leaves; 0 without either
   std::string verdict;          // or "error"
   std::string error;
   std::set<std::string> named;  // of the first explanation, if anything was named
@@ -27,6 +28,7 @@ struct Outcome {
   std::vector<double> parameter_errors;  // relative, of the effects that were named rightly
   int intervals = 0, holding = 0;        // of these effects, and how many hold the hidden value
   double before = 0, after = 0;          // residual over noise on the locked recordings, rms over channels
+  double share_held_out = 0;             // of the mean square above noise there that the answer removes
   double seconds = 0;
 
   bool names() const { return verdict == "named" || verdict == "ambiguous"; }

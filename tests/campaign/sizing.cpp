@@ -6,13 +6,10 @@
 #include <set>
 
 namespace ferrobench::campaign {
-namespace {
 
 std::array<const std::vector<double>*, 4> columns(const Response& r) {
   return {&r.field, &r.charge, &r.displacement, &r.force};
 }
-
-}  // namespace
 
 model::Model loaded(const model::Model& base, const FieldProgram& program) {
   auto out = base;
@@ -21,12 +18,13 @@ model::Model loaded(const model::Model& base, const FieldProgram& program) {
   return out;
 }
 
-Sizing::Sizing(const model::Model& base, const std::vector<FieldProgram>& programs)
-    : base_(base), programs_(programs) {
+Sizing::Sizing(const model::Model& base, const std::vector<FieldProgram>& programs,
+               std::vector<std::size_t> channels)
+    : base_(base), programs_(programs), channels_(std::move(channels)) {
   // Corners may be lost between the samples that are left, which is the same with and without the effect.
   for (auto& p : programs_) {
     std::size_t kept = 0;
-    for (std::size_t i = 0; i < p.time.size(); i += 4, ++kept) {
+    for (std::size_t i = 0; i < p.time.size(); i += thinning, ++kept) {
       p.time[kept] = p.time[i];
       p.command[kept] = p.command[i];
     }
@@ -36,12 +34,13 @@ Sizing::Sizing(const model::Model& base, const std::vector<FieldProgram>& progra
   without_ = play_all({});
 }
 
-std::vector<Response> Sizing::play_all(const std::vector<model::EffectSetting>& effects) const {
+std::vector<Response> Sizing::play_all(const model::Model& base, const std::vector<FieldProgram>& programs,
+                                       const std::vector<model::EffectSetting>& effects) const {
   std::vector<Response> out;
   double session = 0;
-  for (const auto& p : programs_) {
-    out.push_back(play(loaded(base_, p), effects, p.time, p.command,
-                       {.domains = 480, .path = 2, .session_time = session}));
+  for (const auto& p : programs) {
+    out.push_back(play(loaded(base, p), effects, p.time, p.command,
+                       {.domains = 480, .path = 2, .session_time = session, .past = p.past}));
     session += p.time.back();
   }
   return out;
@@ -67,7 +66,7 @@ double Sizing::size(const model::EffectSetting& effect, const std::array<double,
   }
   double largest = 0;
   for (std::size_t r = 0; r < with.size(); ++r)
-    for (std::size_t c = 0; c < 4; ++c) {
+    for (const std::size_t c : channels_) {
       const auto &a = *columns(with[r]).at(c), &b = *columns(without_[r]).at(c);
       double sum = 0;
       for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
@@ -77,13 +76,13 @@ double Sizing::size(const model::EffectSetting& effect, const std::array<double,
 }
 
 // Secants in log(size) over log(parameter), within a bracket.
-model::EffectSetting Sizing::sized(model::EffectSetting effect, const model::EffectParameter& first,
-                                   double wanted, const std::array<double, 4>& noise, double* reached) const {
+Sized sized(model::EffectSetting effect, const model::EffectParameter& first, double wanted,
+            const std::function<double(const model::EffectSetting&)>& size, int tries) {
   double& value = effect.parameters.front().second;
   const double sign = value < 0 ? -1 : 1;
   const auto measure = [&](double log_value) {
     value = sign * std::exp(log_value);
-    return std::log(std::max(1e-6, size(effect, noise)) / wanted);
+    return std::log(std::max(1e-6, size(effect)) / wanted);
   };
   double low = std::log(first.low), high = std::log(first.high);
   double at = 0.5 * (low + high);
@@ -93,7 +92,7 @@ model::EffectSetting Sizing::sized(model::EffectSetting effect, const model::Eff
                                                          "charge_amplifier_decay"};
   const bool rises = !fading.contains(effect.id);
   double last = 0, last_f = 0, f = 0;
-  for (int i = 0; i < 12; ++i) {
+  for (int i = 0; i < tries; ++i) {
     f = measure(at);
     if (std::abs(f) < 0.15) break;
     ((f > 0) == rises ? high : low) = at;
@@ -105,8 +104,7 @@ model::EffectSetting Sizing::sized(model::EffectSetting effect, const model::Eff
     if (!(next > low && next < high)) next = 0.5 * (low + high);
     at = next;
   }
-  *reached = wanted * std::exp(f);
-  return effect;
+  return {effect, wanted * std::exp(f)};
 }
 
 }  // namespace ferrobench::campaign

@@ -30,9 +30,9 @@ Figure share(const std::vector<Outcome>& outcomes, std::string name, double goal
   return f;
 }
 
-Figure middle(const std::vector<Outcome>& outcomes, std::string name, double goal,
+Figure middle(const std::vector<Outcome>& outcomes, std::string name, double goal, bool at_least,
               const std::function<std::vector<double>(const Outcome&)>& values) {
-  Figure f{.name = std::move(name), .goal = goal, .at_least = false};
+  Figure f{.name = std::move(name), .goal = goal, .at_least = at_least};
   std::vector<double> all;
   for (const auto& o : outcomes)
     if (const auto v = values(o); !v.empty()) {
@@ -43,14 +43,20 @@ Figure middle(const std::vector<Outcome>& outcomes, std::string name, double goa
   return f;
 }
 
+bool physics(const Outcome& o) {
+  return o.kind == Kind::physics;
+}
 bool single(const Outcome& o) {
-  return o.in_catalogue && o.truth.size() == 1;
+  return o.in_catalogue && o.truth.size() == 1 && !physics(o);
 }
 bool pair(const Outcome& o) {
-  return o.in_catalogue && o.truth.size() == 2;
+  return o.in_catalogue && o.truth.size() == 2 && !physics(o);
 }
 bool nothing(const Outcome& o) {
-  return o.truth.empty() && o.kind != Kind::moved;
+  return o.truth.empty() && o.kind != Kind::moved && !physics(o);
+}
+Test physics_with(double least, double below) {
+  return [=](const Outcome& o) { return physics(o) && o.over_left >= least && o.over_left < below; };
 }
 
 std::string line(const std::string& name, const std::vector<Outcome>& outcomes, const Test& of) {
@@ -92,7 +98,27 @@ std::vector<Figure> figures(const std::vector<Outcome>& all) {
       right));
   out.push_back(share(all, "wrong name at a stated probability over 0.8", 0.03, false, any,
                       [](const Outcome& o) { return o.wrong_name() && o.probability > 0.8; }));
-  out.push_back(middle(all, "parameters of right names: median relative error", 0.1,
+  constexpr double any_more = std::numeric_limits<double>::infinity();
+  out.push_back(share(all, "another physics, effect at least 2 times what it leaves: right name first", 0.85,
+                      true, physics_with(2, any_more), right));
+  out.push_back(share(all, "another physics, effect at least 5 times what it leaves: right name first", 0.95,
+                      true, physics_with(5, any_more), right));
+  out.push_back(share(
+      all, "another physics, nothing on top: an effect named", 0.05, false,
+      [](const Outcome& o) { return physics(o) && o.truth.empty(); }, named));
+  out.push_back(middle(all, "another physics: share of the locked excess that right names remove, median",
+                       0.8, true, [](const Outcome& o) {
+                         const bool counts = physics(o) && o.names() && o.right();
+                         return counts ? std::vector<double>{o.share_held_out} : std::vector<double>{};
+                       }));
+  // Of its rms above noise, where the locked recordings show any.
+  out.push_back(middle(all, "another physics, unknown: locked gap, after over before, median", 0.5, false,
+                       [](const Outcome& o) {
+                         const bool counts = physics(o) && o.verdict == "unknown" && o.before > 1.05;
+                         return counts ? std::vector<double>{std::sqrt(1 - o.share_held_out)}
+                                       : std::vector<double>{};
+                       }));
+  out.push_back(middle(all, "parameters of right names: median relative error", 0.1, false,
                        [](const Outcome& o) { return o.parameter_errors; }));
   Figure holding{.name = "90 % intervals that hold the hidden value", .goal = 0.8, .at_least = true};
   double intervals = 0, held = 0;
@@ -104,8 +130,8 @@ std::vector<Figure> figures(const std::vector<Outcome>& all) {
   if (intervals > 0) holding.value = held / intervals;
   out.push_back(holding);
   out.push_back(middle(all, "held-out residual over noise after, median, effects of the catalogue", 1.1,
-                       [](const Outcome& o) {
-                         const bool counts = o.in_catalogue && !o.truth.empty() && o.after > 0;
+                       false, [](const Outcome& o) {
+                         const bool counts = o.in_catalogue && !o.truth.empty() && !physics(o) && o.after > 0;
                          return counts ? std::vector<double>{o.after} : std::vector<double>{};
                        }));
   Figure calibration{
@@ -114,7 +140,7 @@ std::vector<Figure> figures(const std::vector<Outcome>& all) {
   for (const auto& bin : r.bins) calibration.count += bin.count;
   if (calibration.count > 0) calibration.value = r.expected_calibration_error;
   out.push_back(calibration);
-  out.push_back(middle(all, "seconds a bench, median", 60, [](const Outcome& o) {
+  out.push_back(middle(all, "seconds a bench, median", 60, false, [](const Outcome& o) {
     return o.seconds > 0 ? std::vector<double>{o.seconds} : std::vector<double>{};
   }));
   return out;
@@ -164,6 +190,10 @@ std::string text_of(const std::vector<Outcome>& outcomes) {
       return single(o) && o.size >= edges.at(i) && o.size < edges.at(i + 1);
     });
   }
+  out += line("physics, nothing on top", outcomes,
+              [](const Outcome& o) { return physics(o) && o.truth.empty(); });
+  out += line("physics, effect 2 to 5 times what it leaves", outcomes, physics_with(2, 5));
+  out += line("physics, effect 5 times or more", outcomes, physics_with(5, 1e9));
   const auto r = reliability(outcomes);
   out += "\nVerdicts by stated probability (o: share that was right, |: stated)\n";
   for (std::size_t i = 0; i < r.bins.size(); ++i) {

@@ -58,7 +58,12 @@ Terms make_terms(const std::vector<model::EffectSetting>& effects, model::Model&
       {"dielectric_absorption", [&](V v) { t.absorption = v[0], t.absorption_time = v[1]; }},
       {"charge_gain_compression", [&](V v) { t.charge_compression = v[0]; }},
       {"displacement_play", [&](V v) { t.play = v[0]; }},
-      {"force_crosstalk", [&](V v) { t.cell_crosstalk = v[0]; }}};
+      {"force_crosstalk", [&](V v) { t.cell_crosstalk = v[0]; }},
+      {"barrier_exponent", [&](V v) { t.barrier_exponent = 2 + v[0]; }},
+      {"heavy_tails", [&](V v) { t.inverse_freedom = v[0]; }},
+      {"direct_180_switching", [&](V v) { t.direct_rate = v[0], t.direct_barrier = v[1]; }},
+      {"stretched_waiting", [&](V v) { t.stretching = 1 - v[0]; }},
+      {"spring_hysteresis", [&](V v) { t.spring_width = v[0], t.spring_distance = v[1]; }}};
   if (model.actuator.passive_stiffness) t.passive_compliance = 1 / *model.actuator.passive_stiffness;
   for (const auto& effect : effects) {
     const auto place = places.find(effect.id);

@@ -17,6 +17,10 @@ struct Terms {
   // kinetics
   double stabilization = 0, drag = 0, fatigue = 0;
   double warming = 0, asymmetry = 0;
+  double barrier_exponent = 2;
+  double inverse_freedom = 0;  // of Student's t, which spreads the domains; 0: the normal distribution
+  double direct_rate = 0, direct_barrier = 1;  // of + <-> -, over those of 90
+  double stretching = 1;                       // exponent of the waiting times
   // polarization and charge
   double cubic_permittivity = 0;  // m^2/V^2
   double conductivity = 0;        // S/m
@@ -31,7 +35,9 @@ struct Terms {
   double passive_compliance = 0;  // m/N
   double relaxation = 0, relaxation_time = 1;
   std::optional<double> gap;
-  double hardening = 0, spring_direction = 0;
+  double hardening = 0;
+  double spring_direction = 0, spring_width = 0, spring_distance = 0.5e-6;  // 1, m, m
+  bool spring_remembers() const { return spring_direction != 0 || spring_width != 0; }
   double friction = 0, presliding = 1;
   double mass = 0, damping_ratio = 0;
   // displacement and force sensors

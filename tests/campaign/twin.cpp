@@ -25,6 +25,9 @@ RateLaw rate_law(const model::Material& m, const Terms& t) {
   law.stabilization = t.stabilization;
   law.rising = 1 + t.asymmetry;
   law.falling = 1 - t.asymmetry;
+  law.exponent = t.barrier_exponent;
+  law.direct_rate = t.direct_rate;
+  law.direct_barrier = t.direct_barrier;
   return law;
 }
 
@@ -58,7 +61,7 @@ class Player {
       : mechanics_(model, terms),
         options_(options),
         law_(rate_law(model.material, terms)),
-        grains_(draw_nodes(model.material, model.polycrystal, options.domains)) {}
+        grains_(draw_nodes(model.material, model.polycrystal, options.domains, terms)) {}
 
   const State& state() const { return now_; }
   Seen truth() const {
@@ -68,12 +71,23 @@ class Player {
     return {now_.monitor, charge, now_.displacement, mechanics_.force(now_)};
   }
 
+  // At rest under the first command, after the past, which ends at time 0.
   void start(double command) {
-    command_ = command;
-    now_ = {};
-    now_.monitor = now_.field = distorted(command);
-    now_.stress = -mechanics_.model().load.prestress;
-    mechanics_.settle(now_, now_, 0);
+    using enum protocols::PastKind;
+    const auto& past = options_.past;
+    switch (past.kind) {
+      case unknown:
+      case poled_plus:
+        return rest(1, 0, 0, command);
+      case poled_minus:
+        return rest(0, 1, 0, command);
+      case unpoled:
+        return rest(1.0 / 3, 1.0 / 3, 0, command);
+      case visited:
+        return visit(past, command);
+      case cycled:
+        throw Error(ErrorCode::invalid_params, "the twin plays no past of cycles");
+    }
   }
 
   // One sample interval: the command goes linearly to `command`; `look` is called after each step.
@@ -101,6 +115,49 @@ class Player {
   }
 
  private:
+  void rest(double plus, double minus, double time, double command) {
+    std::ranges::fill(grains_.plus, plus);
+    std::ranges::fill(grains_.minus, minus);
+    now_ = {};
+    now_.plus = plus;
+    now_.minus = minus;
+    now_.time = corner_ = time;
+    now_.stress = -mechanics_.model().load.prestress;
+    mechanics_.rest_in(now_);
+    command_ = command;
+    now_.monitor = now_.field = distorted(command);
+    mechanics_.settle(now_, now_, 0);
+  }
+
+  // One level after the other, then to the first command as fast as the fastest of them (protocols/past.h).
+  void visit(const protocols::Past& past, double command) {
+    double slew = 0, from = 0, time = 0;
+    for (const auto& level : past.levels) {
+      slew = std::max(slew, std::abs(level.field - from) / level.seconds);
+      from = level.field;
+      time += level.seconds;
+    }
+    const double back = std::abs(command - from) / slew;
+    using enum protocols::FirstState;
+    const auto first = past.from.value_or(poled_plus);
+    rest(first == poled_plus ? 1
+         : first == unpoled  ? 1.0 / 3
+                             : 0,
+         first == poled_minus ? 1
+         : first == unpoled   ? 1.0 / 3
+                              : 0,
+         -time - back, 0);
+    // In pieces, as between samples.
+    const auto ramp = [&](double to, double seconds) {
+      constexpr int pieces = 100;
+      for (int i = 1, n = seconds > 0 ? pieces : 0; i <= n; ++i)
+        interval(seconds / pieces, command_ + (to - command_) / (pieces + 1 - i), [](double, const Seen&) {});
+    };
+    for (const auto& level : past.levels) ramp(level.field, level.seconds);
+    ramp(command, back);
+    now_.time = corner_ = now_.conducted = 0;
+  }
+
   double distorted(double e) const {
     const auto& t = mechanics_.terms();
     const double width = t.crossover_width;
@@ -110,7 +167,9 @@ class Player {
   // Change of ln(rate) per field and per stress.
   double per_field() const {
     const auto& m = mechanics_.model().material;
-    return law_.inverse_energy * (m.remanent_polarization + std::abs(m.piezoelectric_180 * now_.stress));
+    const double charges = law_.direct_rate > 0 ? 2 : 1;  // that a direct switch moves, over those of 90
+    return charges * law_.inverse_energy *
+           (m.remanent_polarization + std::abs(m.piezoelectric_180 * now_.stress));
   }
   double per_stress() const {
     const auto& m = mechanics_.model().material;

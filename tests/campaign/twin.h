@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "model/model.h"
+#include "protocols/past.h"
 
 namespace ferrobench::campaign {
 
@@ -17,6 +18,7 @@ struct TwinOptions {
   int domains = 16384;
   double path = 1;          // largest change of ln(rate) in a step
   double session_time = 0;  // s, of the first sample since the session began
+  protocols::Past past{};   // before the first sample; unknown: poled towards +
 };
 
 struct Response {
@@ -24,8 +26,8 @@ struct Response {
 };
 
 // `effects`: ids of the catalogue and outsiders, besides the base model's own. The command is linear between
-// samples. Error(bad_model) for what the twin does not have: the unequal barrier, the parametrized
-// polycrystal.
+// samples. Error(invalid_params) for a past of cycles, Error(bad_model) for what the twin does not have: the
+// unequal barrier, the parametrized polycrystal.
 Response play(const model::Model& model, const std::vector<model::EffectSetting>& effects,
               const std::vector<double>& time, const std::vector<double>& command,
               const TwinOptions& options = {});
