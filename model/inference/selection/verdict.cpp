@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "model/inference/solver/covariance.h"
+
 namespace ferrobench::model {
 
 std::span<const std::pair<Verdict, std::string_view>> enum_names(Verdict) {
@@ -69,10 +71,88 @@ double rises_at_detection(const SelectionOptions& options, double drop) {
   return logistic((drop - options.detection) / (options.detection_width * options.detection));
 }
 
+// What is left of a sum of squares above the noise's; less than its own standard deviation is not seen.
+double excess_of(double squares, double samples) {
+  return std::max(squares - samples, std::sqrt(2 * samples));
+}
+
+// An explanation that leaves more than noise, and the smallest share that any of its effects has.
+struct Graded {
+  const Trial* trial = nullptr;
+  double share = 0;
+};
+
+// The best explanation where none is sufficient: the single effect that leaves least, or a pair if its second
+// effect takes a material share of what the best single one leaves.
+Graded best_of_insufficient(const ForwardSelection& found, const SelectionOptions& options, double samples) {
+  const double before = excess_of((1 + found.excess) * samples, samples);
+  const auto least = [&](std::size_t effects) {
+    const Trial* best = nullptr;
+    for (const auto& t : found.trials)
+      if (t.effects.size() == effects && is_believable(t, options) &&
+          (best == nullptr || t.fit.squares < best->fit.squares))
+        best = &t;
+    return best;
+  };
+  const auto left = [&](const Trial* t) { return excess_of(t->fit.squares, samples); };
+  const Trial *single = least(1), *pair = least(2);
+  Graded out;
+  if (single != nullptr) out = {single, 1 - left(single) / before};
+  if (pair == nullptr) return out;
+  const double together = 1 - left(pair) / before,
+               second = single != nullptr ? 1 - left(pair) / left(single) : together;
+  if (second >= options.material_share) out = {pair, std::min(together, second)};
+  return out;
+}
+
+// How much likelier a trial is than the leader, twice the logarithm: with s the sums of squares,
+// n ln(s_leader / s). Residuals that are no noise go together over many rows, and n counts those as one.
+double log_odds(const Trial& t, const Trial& leader, const SelectionOptions& options, double samples) {
+  const auto& r = leader.fit.residual;
+  const double together = r.size() > 0 ? correlated_rows(r) : 1;
+  const double n = samples / std::max(options.likelihood_tempering, together);
+  return n * std::log(leader.fit.squares / t.fit.squares);
+}
+
+// Fills in the verdict where something is there and nothing is sufficient.
+void grade(const ForwardSelection& found, const SelectionOptions& options, double samples,
+           ModelSelection& out) {
+  const auto [leader, share] = best_of_insufficient(found, options, samples);
+  const double something = 1 - out.probability_nothing;
+  if (leader == nullptr) {
+    out.verdict = Verdict::unknown;
+    out.probability_unknown = something;
+    return;
+  }
+  const double missed = (1 - share) / (1 - options.material_share);
+  const double unknown = logistic(options.sufficiency_power * std::log(std::max(1e-3, missed)));
+  out.probability_unknown = something * unknown;
+  out.trials.clear();
+  double sum = 0;
+  for (const auto& t : found.trials) {
+    if (t.effects.size() != leader->effects.size() || (&t != leader && !is_believable(t, options))) continue;
+    const double w = std::exp(0.5 * std::min(0.0, log_odds(t, *leader, options, samples)));
+    if (w < options.least_probability) continue;
+    out.trials.emplace_back(&t, w);
+    sum += w;
+  }
+  for (auto& [t, w] : out.trials) w *= (something - out.probability_unknown) / sum;
+  std::ranges::stable_sort(out.trials, std::greater<>(), [](const auto& p) { return p.second; });
+  const double first = out.trials.front().second / (something - out.probability_unknown);
+  out.verdict = unknown > 0.5                ? Verdict::unknown
+                : first > options.confident ? Verdict::named
+                                            : Verdict::ambiguous;
+  if (out.verdict != Verdict::unknown) out.doubted = nullptr;
+}
+
 }  // namespace
 
 ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples) {
   ModelSelection out;
+  if (getenv("FB_TRIALS")) {
+    fprintf(stderr, "TRIALS base %.1f n %.0f\n", (1 + found.excess) * samples, samples);
+    for (auto& t : found.trials) { std::string n; for (auto* e : t.effects) n += std::string(e->id) + " "; fprintf(stderr, "  %-50s sq %.1f share %.3f left %.1f allowed %.1f checked %d believable %d tau %.1f\n", n.c_str(), t.fit.squares, 1 - (t.fit.squares - samples) / (found.excess * samples), t.left, allowed_remainder(options, t.drop), t.checked, is_believable(t, options), t.fit.residual.size() ? correlated_rows(t.fit.residual) : 0.0); }
+  }
   if (!found.detected && has_lack_of_fit(found, options)) {
     // No effect of the catalogue would help, but this is not noise.
     out.verdict = Verdict::unknown;
@@ -126,7 +206,7 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
   if (!found.detected || out.probability_nothing > 0.5) {
     out.verdict = Verdict::nothing_missing;
   } else if (enough.empty()) {
-    out.verdict = Verdict::unknown;
+    grade(found, options, samples, out);
   } else {
     const double named = out.trials.front().second / (something * (1 - unknown_if_something));
     out.verdict = named > options.confident ? Verdict::named : Verdict::ambiguous;
