@@ -106,6 +106,8 @@ json discovery_schema() {
        {"share_held_out", number("", "likewise, on recordings that were locked away")},
        {"remainder", or_null(any_object("what is left, where it is material: family, channel, segment, "
                                         "of_range"))},
+       {"added", list_of(any_object("a term of the improved model: id, empirical, parameters, intervals, share, "
+                                    "share_held_out"))},
        {"pasts", list_of(any_object("of a recording, and whether it was chosen"))},
        {"model", any_object("the improved one")},
        {"findings", list_of(text(), "in sentences")}},

@@ -92,8 +92,11 @@ void add_channels(BenchRecording& out, const Recording& r, const std::vector<std
     m.channel = channel;
     m.range = high - low;
     m.scatter = recordings::estimate_noise(known);
-    m.offset_is_free =
-        channel == Channel::charge && r.header.charge_reference == recordings::ChargeReference::first_sample;
+    // A specimen that did not start poled gives no sensor a zero that a model would know.
+    const bool has_zero = channel == Channel::field || !r.header.past.known() ||
+                          r.header.past.kind == protocols::PastKind::poled_plus;
+    m.offset_is_free = !has_zero || (channel == Channel::charge &&
+                                     r.header.charge_reference == recordings::ChargeReference::first_sample);
     for (const std::size_t row : rows) m.value.push_back(std::isfinite(all[row]) ? all[row] : NAN);
     out.channels.push_back(std::move(m));
   }

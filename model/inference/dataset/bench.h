@@ -36,7 +36,7 @@ struct MeasuredChannel {
   std::vector<double> value;    // at the rows; NaN where nothing was measured
   double range = 0;             // highest less lowest
   double scatter = 0;           // standard deviation of white noise, of all samples (statistics.h)
-  bool offset_is_free = false;  // zeroed at the first sample: any offset is as good as another
+  bool offset_is_free = false;  // any is as good as another
 };
 
 struct BenchRecording {

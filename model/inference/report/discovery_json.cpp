@@ -17,16 +17,18 @@ json gap(const Gap& g) {
   return {{"recordings", g.recordings}, {"before", by_channel(g.before)}, {"after", by_channel(g.after)}};
 }
 
+json estimate(const EffectEstimate& effect) {
+  json parameters = json::object(), intervals = json::object();
+  for (const auto& p : effect.parameters) {
+    parameters[p.name] = p.value;
+    intervals[p.name] = {p.low, p.high};
+  }
+  return {{"id", effect.id}, {"parameters", parameters}, {"intervals", intervals}};
+}
+
 json explanation(const Explanation& e) {
   json effects = json::array();
-  for (const auto& effect : e.effects) {
-    json parameters = json::object(), intervals = json::object();
-    for (const auto& p : effect.parameters) {
-      parameters[p.name] = p.value;
-      intervals[p.name] = {p.low, p.high};
-    }
-    effects.push_back({{"id", effect.id}, {"parameters", parameters}, {"intervals", intervals}});
-  }
+  for (const auto& effect : e.effects) effects.push_back(estimate(effect));
   json out{{"effects", effects}, {"probability", e.probability}};
   if (e.leave_one_out)
     out["left_out"] = {{"recordings", e.leave_one_out->recordings},
@@ -70,6 +72,12 @@ nlohmann::json to_json(const Discovery& d) {
                         {"channel", recordings::channel_name(d.remainder->channel)},
                         {"segment", d.remainder->segment},
                         {"of_range", d.remainder->of_range}};
+  out["added"] = json::array();
+  for (const auto& a : d.added) {
+    out["added"].push_back(estimate(a.term));
+    out["added"].back().update(
+        {{"empirical", a.empirical}, {"share", a.share}, {"share_held_out", a.share_held_out}});
+  }
   out["pasts"] = json::array();
   for (const auto& p : d.pasts) {
     out["pasts"].push_back(protocols::to_json(p.past));

@@ -122,6 +122,12 @@ bool is_gross(const WhitenedRecordings& residuals, const Fit& fit) {
   });
 }
 
+// Whether the model's own error is more than this share of a channel's range anywhere.
+bool is_material(const WhitenedRecordings& residuals, const Fit& fit, double floor) {
+  const auto left = left_by_channel(residuals, predict(residuals, fit.hypothesis, fit.z).standardized);
+  return std::ranges::any_of(left, [&](const auto& l) { return l.second.model_error > floor; });
+}
+
 // The workflow for one choice of what is held out. Returns the held-out recordings that the recalibrated base
 // does not explain.
 std::set<std::size_t> train_and_validate(Session& s, const Model& base,
@@ -133,16 +139,6 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   WhitenedRecordings fine(s.bench, s.noise, s.train, fine_options, s.threads);
   s.tick("choosing how finely to simulate", 0.01);
   s.out.health.numerical_error_over_noise = choose_fidelities(coarse, fine, hypothesis, most_domains);
-  if (getenv("FB_DEBUG")) {
-    for (auto& p : s.out.pasts) fprintf(stderr, "PAST %s %s\n", p.recording.c_str(), protocols::in_words(p.past).c_str());
-    const auto t0 = Clock::now();
-    const auto z = prior_mean(hypothesis);
-    for (std::size_t r : s.train) {
-      const auto sim = coarse.simulated(hypothesis, z, r);
-      for (std::size_t c = 0; c < sim.size(); ++c) { const auto e = coarse.plain_residual(r, c, sim[c]); double q = 0; for (double v : e) q += v*v;
-        fprintf(stderr, "  %s ch %d: %.4f of range, knots %zu rows %zu\n", s.bench[r].name.c_str(), (int)c, std::sqrt(q/e.size())*coarse.noise_of(r,c)/s.bench[r].channels[c].range, s.bench[r].knot_time.size(), e.size()); } }
-    fprintf(stderr, "time %.2f s domains %d\n", std::chrono::duration<double>(Clock::now()-t0).count(), coarse.simulation().domains);
-  }
   const auto found = run_workflow(
       coarse, fine, hypothesis,
       {.candidates = candidates,
@@ -161,17 +157,29 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
 
   auto& out = s.out;
   summarize(found, s.options.selection, out);
-  const Fit& fitted = found.base;
-  Fit after = found.after();
-  bool improved = false;
-  if (out.verdict == Verdict::unknown) {
-    improved = true;
-    ImprovementTask task{.bench = &s.bench, .noise = &s.noise, .train = s.train, .held_out = s.held_out, .candidates = candidates,
-      .simulation = fine.simulation(), .threads = s.threads, .floor = s.options.floor, .tick = s.tick};
-    auto better = improve(hypothesis, prior_mean(hypothesis), task);
-    for (auto& a : better.added) fprintf(stderr, "ADDED %s share %.3f held out %.3f\n", std::string(a.effect->id).c_str(), a.share, a.share_held_out);
-    after.hypothesis = better.hypothesis; after.z = better.z;
-    out.improved = setting_at(after.hypothesis, after.z).model;
+  Fit fitted = found.base, after = found.after();
+  if (out.verdict == Verdict::unknown && is_material(fine, fitted, s.options.floor)) {
+    auto narrowed = improve(hypothesis, found.gross ? prior_mean(hypothesis) : fitted.z,
+                                  {.bench = &s.bench,
+                                   .noise = &s.noise,
+                                   .train = s.train,
+                                   .held_out = s.held_out,
+                                   .candidates = candidates,
+                                   .simulation = fine.simulation(),
+                                   .threads = s.threads,
+                                   .floor = s.options.floor,
+                                   .tick = [&](const std::string& stage, double f) { s.tick(stage, 0.9 + 0.05 * f); }});
+    if (found.gross || !narrowed.added.empty()) {
+      after.hypothesis = narrowed.hypothesis;
+      after.z = narrowed.z;
+    }
+    out.added = narrowed.added;
+    if (found.gross) {
+      fitted = std::move(narrowed.base);
+      out.recalibrated = recalibrations(fitted, s.options.selection);
+      out.recalibrated_base = model_at(fitted, "Recalibrated beside its own error.");
+    }
+    out.improved = model_at(after, "Recalibrated, with terms that narrow a gap that has no name.");
   }
   if (s.train.size() > 1 && !out.explanations.empty()) {
     const auto without = leave_one_out_squares(coarse, fitted);
@@ -191,9 +199,9 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   }
   s.tick("the proof", 0.95);
   std::set<std::size_t> unexplained_locked;
-  const bool added = true;
+  const bool added = !out.added.empty();
   const auto figures = [&](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
-    return improved ? predict(of, f.hypothesis, f.z) : predict(of, by, f);
+    return found.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f);
   };
   const auto before_it = figures(fine, coarse, fitted), after_it = added ? figures(fine, coarse, after) : before_it;
   out.where = excess_by_segment_class(fine, before_it.standardized);

@@ -60,6 +60,14 @@ struct Remainder {
   double of_range = 0;  // the model's error there, over the range
 };
 
+// A term that the improved model has and the base has not.
+struct AddedTerm {
+  EffectEstimate term;
+  bool empirical = false;  // a table that was fitted and stands for what has no name
+  // Of the excess that stood before it; on recordings that were learned from, and on the others.
+  double share = 0, share_held_out = 0;
+};
+
 // For a picture: a segment of a recording where the gap is seen best.
 struct Trace {
   std::string recording;
@@ -109,6 +117,8 @@ struct Discovery {
   // Of the excess (sum of squares above that of the noise, all channels) that the base model leaves, the share
   // that the improved one takes away, 0 to 1, on recordings that were learned from and on those that were not.
   double share = 0, share_held_out = 0;
+  // In the order in which they were added. Where the verdict is "unknown" they narrow the gap and name nothing.
+  std::vector<AddedTerm> added;
   std::vector<FittedPast> pasts;  // as recorded or, where nothing was, as chosen
   std::vector<std::vector<std::string>> equivalent;
   std::vector<std::string> not_testable;

@@ -5,9 +5,11 @@
 #include <memory>
 #include <utility>
 
+#include "model/inference/parameters/parameters.h"
 #include "model/inference/selection/screening.h"
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/multifidelity.h"
+#include "recordings/analysis/statistics.h"
 
 namespace ferrobench::model::inference {
 namespace {
@@ -33,13 +35,14 @@ class Improver {
     Place at{base, z};
     at.hypothesis.reach = 1;
     for (int i = 0; i < settling_rounds; ++i) settle(at);
+    out_.base = fit_;
     auto remaining = task_.candidates;
     while (out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
     }
     auto ports = empirical_terms();
     while (material_ && add_empirical(at, ports)) {
     }
-    out_.covariance = fit_.normal().inverse();
+    tell_values(at);
     out_.hypothesis = std::move(at.hypothesis);
     out_.z = std::move(at.z);
     return std::move(out_);
@@ -73,34 +76,35 @@ class Improver {
     return out;
   }
 
-  // What a model misses grows with what a recording shows of a channel, less than in proportion: where the
-  // specimen hardly moved it is off by more of the range. So the geometric mean of the recording's range and
-  // the largest.
-  double scale_of(std::size_t recording, std::size_t channel) const {
-    const auto& m = (*task_.bench)[recording].channels[channel];
-    double largest = 0;
-    for (const auto& r : *task_.bench)
-      if (const auto* other = r.find(m.channel)) largest = std::max(largest, other->range);
-    return std::sqrt(m.range * largest);
-  }
-  // Standard deviations over those scales, by channel: what noise leaves of the mean square.
-  std::map<recordings::Channel, double> model_errors() const {
-    std::map<recordings::Channel, std::pair<double, double>> sums;  // of squares, of rows
-    for (std::size_t i = 0; i < task_.train.size(); ++i)
-      for (std::size_t c = 0; c < learned_[i].size(); ++c) {
-        const std::size_t r = task_.train[i];
-        const double noise = (*task_.noise)[r][c].std() / scale_of(r, c);
-        auto& [squares, rows] = sums[(*task_.bench)[r].channels[c].channel];
-        for (const double e : learned_[i][c]) {
+  // A model that is wrong is not equally wrong everywhere, so each channel of each recording has an error of
+  // its own: what noise leaves of its mean square. Else the few that cannot be explained at all would bend the
+  // parameters for all others. None is smaller than half of the channel's median over the range.
+  void estimate_errors(const Signals& standardized, const std::vector<std::size_t>& recordings) {
+    std::map<recordings::Channel, std::vector<double>> of_range;
+    for (std::size_t i = 0; i < recordings.size(); ++i)
+      for (std::size_t c = 0; c < standardized[i].size(); ++c) {
+        auto& n = noise_[recordings[i]][c];
+        const auto& m = (*task_.bench)[recordings[i]].channels[c];
+        std::vector<double> rows;
+        double squares = 0;
+        for (const double e : standardized[i][c]) {
           if (std::isnan(e)) continue;
-          squares += (e * e - 1) * noise * noise;
-          ++rows;
+          rows.push_back(e);
+          squares += e * e - 1;
         }
+        const auto count = std::max<double>(1, static_cast<double>(rows.size()));
+        n.model_error = n.std() * std::sqrt(std::max(0.0, squares) / count);
+        n.rows_as_one =
+            std::max(1.0, correlated_rows(Eigen::Map<const Eigen::VectorXd>(rows.data(), std::ssize(rows))));
+        of_range[m.channel].push_back(n.model_error / m.range);
       }
-    std::map<recordings::Channel, double> out;
-    for (const auto& [channel, sum] : sums)
-      out[channel] = std::max(least_error, std::sqrt(std::max(0.0, sum.first) / std::max(1.0, sum.second)));
-    return out;
+    for (const std::size_t r : recordings)
+      for (std::size_t c = 0; c < noise_[r].size(); ++c) {
+        const auto& m = (*task_.bench)[r].channels[c];
+        const double usual = recordings::median(of_range.at(m.channel));
+        noise_[r][c].model_error =
+            std::max({noise_[r][c].model_error, 0.5 * usual * m.range, least_error * m.range});
+      }
   }
 
   // The model's error where it stands, the residuals under it, and the fit to these.
@@ -108,31 +112,21 @@ class Improver {
     tick("how wrong the model is");
     learned_ = miss(at, task_.train);
     locked_ = miss(at, task_.held_out);
-    const auto errors = model_errors();
+    estimate_errors(learned_, task_.train);
+    estimate_errors(locked_, task_.held_out);
+    const auto is_material = [&](std::size_t r) {
+      for (std::size_t c = 0; c < noise_[r].size(); ++c)
+        if (noise_[r][c].model_error > task_.floor * (*task_.bench)[r].channels[c].range) return true;
+      return false;
+    };
+    material_ = std::ranges::any_of(task_.train, is_material);
     if (getenv("FB_DEBUG")) {
-      for (auto& [c, e] : errors) fprintf(stderr, "ERR %s %.4f\n", std::string(recordings::channel_name(c)).c_str(), e);
       for (std::size_t i = 0; i < task_.train.size() + task_.held_out.size(); ++i) {
         bool tr = i < task_.train.size(); const auto r = tr ? task_.train[i] : task_.held_out[i - task_.train.size()];
         const auto& sg = tr ? learned_[i] : locked_[i - task_.train.size()];
         fprintf(stderr, "  %s%s", tr ? "" : "LOCKED ", (*task_.bench)[r].name.c_str());
         for (std::size_t c = 0; c < sg.size(); ++c) { double q = 0; for (double v : sg[c]) if (v == v) q += v * v; fprintf(stderr, " %.4f", std::sqrt(q / sg[c].size()) * (*task_.noise)[r][c].std() / (*task_.bench)[r].channels[c].range); }
         fprintf(stderr, "\n");
-      }
-    }
-    material_ = std::ranges::any_of(errors, [&](const auto& e) { return e.second > task_.floor; });
-    for (std::size_t r = 0; r < noise_.size(); ++r)
-      for (std::size_t c = 0; c < noise_[r].size(); ++c)
-        if (const auto e = errors.find((*task_.bench)[r].channels[c].channel); e != errors.end())
-          noise_[r][c].model_error = e->second * scale_of(r, c);
-    for (std::size_t i = 0; i < task_.train.size(); ++i) {
-      const std::size_t r = task_.train[i];
-      for (std::size_t c = 0; c < learned_[i].size(); ++c) {
-        auto& n = noise_[r][c];
-        std::vector<double> rows;
-        for (const double e : learned_[i][c])
-          if (!std::isnan(e)) rows.push_back(e);
-        n.rows_as_one = std::max(
-            1.0, correlated_rows(Eigen::Map<const Eigen::VectorXd>(rows.data(), std::ssize(rows))));
       }
     }
     residuals_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
@@ -152,9 +146,19 @@ class Improver {
     }
   }
 
+  // Twice the logarithm of the likelihood ratio, each error at its own estimate: the sum over channels of
+  // recordings of n ln(squares before / squares with), n their independent rows.
+  double log_likelihood_ratio(const Fit& with) const {
+    double out = prior_squares(fit_.hypothesis, fit_.z) - prior_squares(with.hypothesis, with.z);
+    for (const auto& b : residuals_->blocks()) {
+      const double n = static_cast<double>(b.count) / noise_[b.recording][b.channel].rows_as_one;
+      out += n * std::log(fit_.residual.segment(b.begin, b.count).squaredNorm() /
+                          with.residual.segment(b.begin, b.count).squaredNorm());
+    }
+    return out;
+  }
   double gain(const Fit& with, double numbers) const {
-    const double n = residuals_->samples();
-    return n * std::log(fit_.squares / with.squares) - numbers * std::log(n);
+    return log_likelihood_ratio(with) - numbers * std::log(residuals_->samples());
   }
 
   // The effect that makes the model likeliest, if any does and holds on the locked recordings.
@@ -241,8 +245,7 @@ class Improver {
       const Eigen::LDLT<Eigen::MatrixXd> factor(f.normal());
       return factor.vectorD().array().max(1e-300).log().sum();
     };
-    return residuals_->samples() * std::log(fit_.squares / with.squares) -
-           (log_determinant(with) - log_determinant(fit_));
+    return log_likelihood_ratio(with) - (log_determinant(with) - log_determinant(fit_));
   }
 
   struct Tried {
@@ -327,11 +330,38 @@ class Improver {
                  held = task_.held_out.empty() ? share : share_of(locked_, task_.held_out);
     if (held < least_share_held_out) return false;
     at = std::move(next);
-    out_.added.push_back({effect, share, held});
+    out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
+                          .empirical = effect->empirical,
+                          .share = std::max(0.0, share),
+                          .share_held_out = std::max(0.0, held)});
     settle(at);
     return true;
   }
 
+  // Values of the added terms with 90 % intervals; what was held fixed has none.
+  void tell_values(const Place& at) {
+    const Eigen::MatrixXd covariance = fit_.normal().inverse();
+    for (auto& added : out_.added) {
+      const auto& effect = find_effect(added.term.id);
+      for (const auto& p : effect.parameters) {
+        const auto path = "effects." + added.term.id + "." + std::string(p.name);
+        const double value = get_parameter(setting_at(at.hypothesis, at.z).model, path);
+        EffectEstimate::Parameter told{std::string(p.name), value, value, value};
+        for (std::size_t i = 0; i < at.hypothesis.parameters.size(); ++i) {
+          const auto& c = at.hypothesis.parameters[i];
+          if (c.path != path) continue;
+          const auto k = static_cast<Eigen::Index>(i);
+          const double reach = interval_90 * std::sqrt(std::max(0.0, covariance(k, k)));
+          const double a = c.value(std::max(c.low, at.z[k] - reach)), b = c.value(std::min(c.high, at.z[k] + reach));
+          told.low = std::min(a, b);
+          told.high = std::max(a, b);
+        }
+        added.term.parameters.push_back(std::move(told));
+      }
+    }
+  }
+
+  static constexpr double interval_90 = 1.645;      // half of it, in standard deviations
   static constexpr double farthest_weight = 12;  // in prior standard deviations
   static constexpr int width_rounds = 3;
   static constexpr double least_error = 1e-5;  // of the range: the likelihood needs one above zero

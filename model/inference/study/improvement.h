@@ -30,21 +30,14 @@ struct ImprovementTask {
   std::function<void(const std::string& stage, double fraction)> tick;
 };
 
-struct AddedTerm {
-  const Effect* effect = nullptr;
-  double share = 0;           // of the excess that stood before it, on recordings that were learned from
-  double share_held_out = 0;  // likewise, on the others
-};
-
 struct Improvement {
+  Fit base;  // without any term, recalibrated beside the model's own error
   Hypothesis hypothesis;
   Eigen::VectorXd z;
-  std::vector<AddedTerm> added;
-  // Of the parameters of `hypothesis`, unit scales.
-  Eigen::MatrixXd covariance;
+  std::vector<AddedTerm> added;  // with 90 % intervals
 };
 
-// From a base model at z. `least_gain` as above.
+// From a base model at z.
 Improvement improve(const Hypothesis& base, const Eigen::VectorXd& z, const ImprovementTask& task);
 
 }  // namespace ferrobench::model::inference

@@ -15,25 +15,6 @@ namespace {
 // The simulations' own error, in standard deviations of the noise, that a report warns of.
 constexpr double noticeable_error = 0.05;
 
-std::map<std::string, Recalibration> recalibrations(const Fit& fit, const SelectionOptions& options) {
-  const Eigen::MatrixXd covariance = fit.normal().inverse();
-  std::map<std::string, Recalibration> out;
-  for (std::size_t i = 0; i < fit.hypothesis.base_count; ++i) {
-    const auto& c = fit.hypothesis.parameters[i];
-    const auto k = static_cast<Eigen::Index>(i);
-    out[c.path] = {c.from, c.value(fit.z[k]),
-                   interval_inflation(fit, options) * std::abs(c.slope(fit.z[k])) *
-                       std::sqrt(std::max(0.0, covariance(k, k)))};
-  }
-  return out;
-}
-
-Model model_at(const Fit& fit, const std::string& note) {
-  auto out = setting_at(fit.hypothesis, fit.z).model;
-  out.notes += (out.notes.empty() ? "" : " ") + note;
-  return out;
-}
-
 void detectable(Discovery& out, const WorkflowResult& s, const SelectionOptions& options) {
   for (const auto& c : s.forward.screened) {
     const bool named = std::ranges::any_of(out.explanations, [&](const Explanation& e) {
@@ -66,6 +47,25 @@ void equivalences(Discovery& out, const ForwardSelection& forward, double sample
 }
 
 }  // namespace
+
+std::map<std::string, Recalibration> recalibrations(const Fit& fit, const SelectionOptions& options) {
+  const Eigen::MatrixXd covariance = fit.normal().inverse();
+  std::map<std::string, Recalibration> out;
+  for (std::size_t i = 0; i < fit.hypothesis.base_count; ++i) {
+    const auto& c = fit.hypothesis.parameters[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    out[c.path] = {c.from, c.value(fit.z[k]),
+                   interval_inflation(fit, options) * std::abs(c.slope(fit.z[k])) *
+                       std::sqrt(std::max(0.0, covariance(k, k)))};
+  }
+  return out;
+}
+
+Model model_at(const Fit& fit, const std::string& note) {
+  auto out = setting_at(fit.hypothesis, fit.z).model;
+  out.notes += (out.notes.empty() ? "" : " ") + note;
+  return out;
+}
 
 int threads_of(const DiscoverOptions& options) {
   return options.threads > 0 ? options.threads
@@ -172,6 +172,9 @@ void summarize(const WorkflowResult& found, const SelectionOptions& options, Dis
       out.explanations.push_back({effect_estimates(*trial, options), probability, {}});
   if (out.verdict == Verdict::unknown && found.selection.doubted != nullptr)
     out.doubted = effect_estimates(*found.selection.doubted, options);
+  if (found.best != nullptr && found.after().jacobian.size() > 0)
+    for (const auto& e : effect_estimates(*found.best, options))
+      out.added.push_back({.term = e, .empirical = false});
   if (found.best != nullptr) out.family = found.best->effects.front()->family;
   out.recalibrated = recalibrations(found.after(), options);
   out.recalibrated_base = model_at(found.base, "Recalibrated.");

@@ -55,6 +55,10 @@ struct WorkflowResult {
 WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
                             const WorkflowOptions& options, Health& health);
 
+// What a fit moved of the base model, and by how much.
+std::map<std::string, Recalibration> recalibrations(const Fit& fit, const SelectionOptions& options);
+// The model of a fit, with this remark.
+Model model_at(const Fit& fit, const std::string& note);
 // Fills in what the workflow says of effects, parameters and models.
 void summarize(const WorkflowResult& found, const SelectionOptions& options, Discovery& out);
 
