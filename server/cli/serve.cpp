@@ -1,6 +1,8 @@
+#include <sys/resource.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <future>
 #include <iostream>
 #include <thread>
@@ -53,8 +55,18 @@ void wait_for_interrupt(const server::Engine& engine, const server::Server& door
   sd_notify(0, "STOPPING=1");
 }
 
+// As many as the system lets it have, for clients, recordings and children.
+void allow_descriptors() {
+  constexpr rlim_t plenty = 4096;
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_cur >= plenty) return;
+  files.rlim_cur = std::min(plenty, files.rlim_max);
+  setrlimit(RLIMIT_NOFILE, &files);
+}
+
 int serve(const ServeOptions& o, const Common& common) {
   const Interrupt interrupt;
+  allow_descriptors();
   server::Hub hub;
   server::Engine engine(common.data_folder(), hub);
   server::Dispatcher rpc;

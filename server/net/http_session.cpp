@@ -62,17 +62,7 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                        std::to_string(tcp().socket().remote_endpoint(gone).port());
   }
 
-  void start(bool full) {
-    if (full) {
-      keep_open_ = false;
-      return refuse({503,
-                     ErrorCode::busy,
-                     "too many connections are open",
-                     "close some, or try again later",
-                     {{"Retry-After", "1"}}});
-    }
-    read_head();
-  }
+  void start() { read_head(); }
 
   // Somebody speaks plainly where TLS is asked for.
   void refuse_plain() {
@@ -151,8 +141,14 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                            .upgrade = asks_for_websocket(request)};
     const auto decision = service_.admission->admit(head);
     if (const auto* refusal = std::get_if<Refusal>(&decision)) return refuse(*refusal);
-    trusted_ = true;
     const auto& [route, path] = std::get<Admitted>(decision);
+    trusted_ = trusted_ || service_.has_place();
+    // In a full house whoever has shown the token still stops the bench, and gets the page to do so.
+    if (!trusted_) {
+      keep_open_ = false;
+      if (route != Route::rpc_call && route != Route::page && route != Route::sign_in)
+        return refuse(full_house());
+    }
     context_->lease = std::string(request["Ferrobench-Lease"]);
     switch (route) {
       case Route::rpc_socket:
@@ -195,6 +191,8 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   }
 
   void call() {
+    if (!trusted_ && service_.dispatcher.look(parser_->get().body()).lane != Lane::urgent)
+      return refuse(full_house());
     tcp().expires_never();
     service_.call(std::move(parser_->get().body()), context_,
                   [self = self()](std::optional<std::string> reply) {
@@ -364,11 +362,11 @@ class Greeting final : public Session, public std::enable_shared_from_this<Greet
   Greeting(Service& service, PlainStream stream)
       : Session(service, address_of(stream)), stream_(std::move(stream)) {}
 
-  void start(bool full) {
+  void start() {
     stream_.expires_after(service_.options.header_timeout);
-    beast::async_detect_ssl(stream_, buffer_, [self = shared_from_this(), full](error_code ec, bool tls) {
+    beast::async_detect_ssl(stream_, buffer_, [self = shared_from_this()](error_code ec, bool tls) {
       if (ec) return;
-      if (tls) return self->shake_hands(full);
+      if (tls) return self->shake_hands();
       std::make_shared<HttpSession<PlainStream>>(self->service_, std::move(self->stream_))->refuse_plain();
     });
   }
@@ -378,13 +376,13 @@ class Greeting final : public Session, public std::enable_shared_from_this<Greet
   void drop() override { tcp().close(); }
   PlainStream& tcp() { return tls_ ? tls_->next_layer() : stream_; }
 
-  void shake_hands(bool full) {
+  void shake_hands() {
     tls_.emplace(std::move(stream_), *service_.tls);
     tls_->async_handshake(
         boost::asio::ssl::stream_base::server, buffer_.data(),
-        [self = shared_from_this(), full](error_code ec, std::size_t) {
+        [self = shared_from_this()](error_code ec, std::size_t) {
           if (ec) return;
-          std::make_shared<HttpSession<TlsStream>>(self->service_, std::move(*self->tls_))->start(full);
+          std::make_shared<HttpSession<TlsStream>>(self->service_, std::move(*self->tls_))->start();
         });
   }
 
@@ -395,11 +393,11 @@ class Greeting final : public Session, public std::enable_shared_from_this<Greet
 
 }  // namespace
 
-void start_http(Service& service, boost::asio::ip::tcp::socket socket, bool full) {
+void start_http(Service& service, boost::asio::ip::tcp::socket socket) {
   if (service.tls) {
-    std::make_shared<Greeting>(service, PlainStream(std::move(socket)))->start(full);
+    std::make_shared<Greeting>(service, PlainStream(std::move(socket)))->start();
   } else {
-    std::make_shared<HttpSession<PlainStream>>(service, PlainStream(std::move(socket)))->start(full);
+    std::make_shared<HttpSession<PlainStream>>(service, PlainStream(std::move(socket)))->start();
   }
 }
 
