@@ -16,6 +16,8 @@
 #include <system_error>
 #include <vector>
 
+#include "base/priority.h"
+
 namespace ferrobench::recordings {
 namespace {
 
@@ -89,10 +91,9 @@ int Child::end() {
 }
 
 void be_a_child() {
-  constexpr int gives_way = 5;  // a third of what the bench gets where both want the processor
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   allow(RLIMIT_CORE, 0);
-  setpriority(PRIO_PROCESS, 0, gives_way);
+  give_way();
   const int file = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
   if (file < 0) return;
   constexpr std::string_view first = "1000";

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/priority.h"
 #include "server/net/service.h"
 #include "server/net/unix_socket.h"
 
@@ -83,11 +84,22 @@ void Service::run(Lane lane, Work work, Done done) {
   if (lane == Lane::heavy) ++views_waiting_;
   asio::post(threads(lane), [this, lane, work = std::move(work), done = std::move(done)]() mutable {
     --calls_waiting;
-    if (lane == Lane::heavy) --views_waiting_;
+    if (lane == Lane::heavy) {
+      --views_waiting_;
+      give_way();
+    }
     auto reply = work();
     work = nullptr;
     // `done` holds the session, which may only be let go on the io thread.
     asio::post(io, [reply = std::move(reply), done = std::move(done)]() mutable { done(std::move(reply)); });
+  });
+}
+
+void Service::at_the_disk(std::function<void()> work, std::function<void()> done) {
+  asio::post(disk, [this, work = std::move(work), done = std::move(done)]() mutable {
+    work();
+    work = nullptr;
+    asio::post(io, std::move(done));
   });
 }
 
@@ -314,7 +326,7 @@ void Server::stop() {
     auto& s = *state_;
     asio::post(s.service.io, [&s] { s.begin_stop(); });
     s.thread.join();
-    for (auto* threads : {&s.service.urgent, &s.service.usual, &s.service.heavy}) {
+    for (auto* threads : {&s.service.urgent, &s.service.usual, &s.service.heavy, &s.service.disk}) {
       threads->stop();
       threads->join();
     }

@@ -70,7 +70,7 @@ struct Service {
   std::uint64_t connections = 0;  // ever accepted, to name them
   std::atomic<std::size_t> calls_waiting{0};
   boost::asio::io_context io{1};
-  boost::asio::thread_pool urgent{1}, usual, heavy;
+  boost::asio::thread_pool urgent{1}, usual, heavy, disk{2};
 
   Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c);
 
@@ -81,6 +81,9 @@ struct Service {
   // The same with what the dispatcher replies to the text. What stops the bench is not kept waiting by what
   // comes with it.
   void call(std::string text, std::shared_ptr<CallContext> context, Done done);
+  // Does `work` where a disk that hangs holds up nobody but those who want a file; then `done` on the io
+  // thread.
+  void at_the_disk(std::function<void()> work, std::function<void()> done);
   // Strangers give way to one more that comes by TCP from this address, the oldest first.
   void make_room(const std::string& address);
   // No descriptor is left for the next: the oldest stranger goes. False: there is none.

@@ -241,6 +241,26 @@ TEST(NetStops, AFullUnixSocketIsStoppedAllTheSame) {
   EXPECT_EQ(first.hear()["id"], 5);
 }
 
+TEST(NetStops, ADiskThatHangsHoldsUpOnlyWhoWantsAFile) {
+  Bench bench({}, [](Bench&, Content& content) {
+    content.recording = [find = content.recording](const std::string& name) {
+      std::this_thread::sleep_for(1s);
+      return find(name);
+    };
+  });
+  std::vector<std::future<Reply>> downloads;
+  for (int i = 0; i < 3; ++i)
+    downloads.push_back(std::async(std::launch::async, [&] {
+      return http(bench, {.method = "GET", .target = "/recordings/loop.h5", .body = ""});
+    }));
+  std::this_thread::sleep_for(100ms);
+  const auto begin = Clock::now();
+  EXPECT_EQ(http(bench, {.body = call("stop", 1).dump()}).status, 200);
+  EXPECT_EQ(http(bench, {.body = call("count", 1).dump()}).status, 200);
+  EXPECT_LT(Clock::now() - begin, 500ms);
+  for (auto& download : downloads) EXPECT_EQ(download.get().body, bench.recording);
+}
+
 // Strangers from a process of their own, as this one has few descriptors.
 class Crowd {
  public:
