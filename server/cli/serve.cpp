@@ -8,6 +8,7 @@
 #include <iostream>
 #include <thread>
 
+#include "recordings/hdf5/read_apart.h"
 #include "recordings/process/child.h"
 #include "server/cli/deadline.h"
 #include "server/cli/link.h"
@@ -79,6 +80,8 @@ std::string what_the_run_waits_for(const server::Engine& engine) {
 int serve(const ServeOptions& o, const Common& common) {
   const Interrupt interrupt;
   allow_descriptors();
+  // Four jobs, two views and a replay may read at once, and a run needs its memory.
+  recordings::allow_each_recording(1.0 / 8);
   std::optional<Deadline> deadline;  // outlives the engine, whose jobs may take their time to end
   std::atomic<bool> run_over = false;
   server::Hub hub;
