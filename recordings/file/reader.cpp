@@ -29,8 +29,28 @@ auto from_journal(const std::string& path, Read&& read) -> std::optional<decltyp
 }  // namespace
 
 Recording read_recording(const std::string& path) {
-  auto out = from_journal(path, [](const std::string& journal) { return read_journal(journal); });
-  if (!out) out = read_apart(path);
+  return read_recording(path, memory_for_each_recording());
+}
+
+Recording read_recording(const std::string& path, double most_bytes) {
+  auto out = from_journal(path, [most_bytes](const std::string& journal) {
+    // Its samples lie there as they do in memory.
+    std::error_code failure;
+    const auto bytes = static_cast<double>(std::filesystem::file_size(journal, failure));
+    if (!failure && bytes > most_bytes)
+      throw Error(ErrorCode::bad_recording, "the journal is too long to be read here",
+                  Problem{.message = "takes as much memory as it has bytes",
+                          .given = bytes,
+                          .allowed = {{"to", most_bytes}},
+                          .unit = "B",
+                          .hint = "recording.recover makes a file of it, which other programs read"});
+    return read_journal(journal);
+  });
+  if (!out) {
+    auto limits = limits_for(path);
+    limits.recording_bytes = std::min(limits.recording_bytes, most_bytes);
+    out = read_apart(path, limits);
+  }
   demand_sound(*out, path);
   return std::move(*out);
 }

@@ -2,25 +2,25 @@
 
 #include <fcntl.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/time.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <new>
 
 #include "base/error.h"
 #include "recordings/disk/durable_file.h"
 #include "recordings/format/texts.h"
 #include "recordings/hdf5/input_file.h"
+#include "recordings/process/child.h"
 
 namespace ferrobench::recordings {
 namespace {
 
 constexpr int shared_file = STDIN_FILENO, answers = STDOUT_FILENO;
 constexpr rlim_t most_own_memory = 1'500'000'000;  // the shared columns are none of it
+constexpr rlim_t most_files = 64;                  // a recording is one; HDF5 may be led to others
+constexpr rlim_t most_asked = 1 << 24;             // paths of files, which come where the columns go
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr bool sanitized = true;  // takes terabytes of address space for itself
@@ -29,11 +29,6 @@ constexpr bool sanitized = __has_feature(address_sanitizer) || __has_feature(thr
 #else
 constexpr bool sanitized = false;
 #endif
-
-void bound(int resource, rlim_t most) {
-  const rlimit limit{most, most};
-  setrlimit(static_cast<__rlimit_resource>(resource), &limit);
-}
 
 // The end of it is a signal of its own.
 void allow_processor(long milliseconds) {
@@ -98,9 +93,10 @@ std::string answer_for(const std::string& path, bool whole, double most_bytes) {
 }  // namespace
 
 void serve_as_child(std::string_view wanted, long milliseconds, double most_bytes) {
-  prctl(PR_SET_PDEATHSIG, SIGKILL);
-  bound(RLIMIT_CORE, 0);
-  if (!sanitized) bound(RLIMIT_DATA, most_own_memory);
+  be_a_child();
+  allow(RLIMIT_NOFILE, most_files);
+  allow(RLIMIT_FSIZE, static_cast<rlim_t>(most_bytes) + most_asked);
+  if (!sanitized) allow(RLIMIT_DATA, most_own_memory);
   const Descriptor out(answers);
   const auto paths = asked();
   try {

@@ -2,18 +2,16 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <spawn.h>
-#include <sys/auxv.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cerrno>
 #include <csignal>
 #include <limits>
+#include <system_error>
 
 #include "recordings/format/texts.h"
 #include "recordings/hdf5/apart_child.h"
@@ -69,51 +67,22 @@ ReadingChild::ReadingChild(std::string_view wanted, std::span<const std::string>
     throw unreadable(paths[0], ErrorCode::io_error, std::generic_category().message(errno));
   write_all(shared_, asked, "");
 
-  posix_spawn_file_actions_t files;
-  posix_spawn_file_actions_init(&files);
-  posix_spawn_file_actions_adddup2(&files, shared_.get(), STDIN_FILENO);
-  posix_spawn_file_actions_adddup2(&files, to.get(), STDOUT_FILENO);
-  posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
-  posix_spawnattr_t how;  // in a group of its own, so that Ctrl-C is this process's own affair
-  posix_spawnattr_init(&how);
-  sigset_t none, usual;
-  sigemptyset(&none);
-  sigfillset(&usual);
-  posix_spawnattr_setsigmask(&how, &none);
-  posix_spawnattr_setsigdefault(&how, &usual);
-  posix_spawnattr_setpgroup(&how, 0);
-  posix_spawnattr_setflags(&how, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-
-  std::string name(child_name), what(wanted), milliseconds = std::to_string(limits.processor.count()),
-                                              bytes = std::to_string(limits.recording_bytes);
-  const std::array<char*, 5> arguments{name.data(), what.data(), milliseconds.data(), bytes.data(), nullptr};
-  int failed = posix_spawn(&child_, "/proc/self/exe", &files, &how, arguments.data(), environ);
-  if (failed == ENOENT)  // a root without /proc: by the path that this program was started by
-    failed = posix_spawn(&child_, std::bit_cast<const char*>(getauxval(AT_EXECFN)), &files, &how,
-                         arguments.data(), environ);
-  posix_spawn_file_actions_destroy(&files);
-  posix_spawnattr_destroy(&how);
-  if (failed == 0) return;
-  child_ = 0;
-  throw unreadable(paths[0], ErrorCode::io_error,
-                   "no process could be started to read it: " + std::generic_category().message(failed));
-}
-
-// A status that it has ended with already stays as it is.
-int ReadingChild::end() {
-  int status = 0;
-  if (child_ == 0) return status;
-  kill(child_, SIGKILL);
-  while (waitpid(child_, &status, 0) < 0 && errno == EINTR) {
+  const std::array arguments{std::string(child_name), std::string(wanted),
+                             std::to_string(limits.processor.count()),
+                             std::to_string(limits.recording_bytes)};
+  try {
+    child_.emplace(arguments, shared_.get(), to.get());
+  } catch (const std::system_error& failure) {
+    throw unreadable(paths[0], ErrorCode::io_error,
+                     "no process could be started to read it: " + failure.code().message());
   }
-  child_ = 0;
-  return status;
 }
 
 void ReadingChild::say_why(const std::string& path, const ReadLimits& limits) {
-  const int status = end();
+  const int status = child_->end();
   const auto code = ErrorCode::bad_recording;
+  if (children_are_ended())
+    throw Ended{unreadable(path, ErrorCode::io_error, "was not read: the program is about to end")};
   if (WIFSIGNALED(status) && WTERMSIG(status) == SIGPROF)
     throw Ended{unreadable(path, code,
                            "took the HDF5 library more than " + seconds_text(limits.processor) +
@@ -135,7 +104,7 @@ std::string ReadingChild::line(const std::string& path, Clock::time_point until,
     const int ready = left > 0 ? poll(&wait, 1, static_cast<int>(left)) : 0;
     if (ready < 0 && errno == EINTR) continue;
     if (ready <= 0) {
-      end();
+      child_->end();
       throw Ended{unreadable(path, ErrorCode::bad_recording,
                              "took longer to read than the " + seconds_text(limits.clock) +
                                  " s that a file of this size may take",

@@ -1,13 +1,13 @@
 // A child process that reads HDF5 files (read_apart.h), as its parent sees it.
 #pragma once
 
-#include <sys/types.h>
-
 #include <chrono>
+#include <optional>
 
 #include "recordings/disk/durable_file.h"
 #include "recordings/hdf5/input_file.h"
 #include "recordings/hdf5/read_apart.h"
+#include "recordings/process/child.h"
 
 namespace ferrobench::recordings {
 
@@ -22,9 +22,6 @@ struct Ended {
 class ReadingChild {
  public:
   ReadingChild(std::string_view wanted, std::span<const std::string> paths, const ReadLimits& limits);
-  ~ReadingChild() { end(); }
-  ReadingChild(const ReadingChild&) = delete;
-  ReadingChild& operator=(const ReadingChild&) = delete;
 
   // What it tells of the next path. Error that it tells, or Ended.
   Frame next(const std::string& path, const ReadLimits& limits);
@@ -34,11 +31,10 @@ class ReadingChild {
   std::string line(const std::string& path, std::chrono::steady_clock::time_point until,
                    const ReadLimits& limits);
   [[noreturn]] void say_why(const std::string& path, const ReadLimits& limits);
-  int end();  // its status
 
   Descriptor shared_, told_;
   std::string text_;  // of what it told, not yet taken
-  pid_t child_ = 0;
+  std::optional<Child> child_;
 };
 
 }  // namespace ferrobench::recordings

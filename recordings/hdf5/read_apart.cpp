@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 
 #include "recordings/hdf5/apart_child.h"
@@ -12,6 +13,8 @@
 
 namespace ferrobench::recordings {
 namespace {
+
+std::atomic<double> share = 0.5;
 
 // Before main(), so that it works in whatever program this library is part of.
 [[gnu::constructor]] void read_if_asked(int argc, char** argv) {
@@ -52,9 +55,15 @@ ReadLimits limits_for(const std::string& path) {
   struct stat info {};
   stat(path.c_str(), &info);
   const std::chrono::seconds seconds(10 + info.st_size / 10'000'000);
-  const double memory =
-      static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
-  return {.processor = seconds, .clock = 3 * seconds, .recording_bytes = memory / 2};
+  return {.processor = seconds, .clock = 3 * seconds, .recording_bytes = memory_for_each_recording()};
+}
+
+void allow_each_recording(double share_of_memory) {
+  share = share_of_memory;
+}
+
+double memory_for_each_recording() {
+  return share * static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE));
 }
 
 Recording read_apart(const std::string& path) {

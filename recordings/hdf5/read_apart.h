@@ -20,6 +20,10 @@ struct ReadLimits {
 };
 // In proportion to the file, and to the memory of this machine.
 ReadLimits limits_for(const std::string& path);
+// From now on no recording that this process reads may take more than this share of the memory; at first a
+// half.
+void allow_each_recording(double share_of_memory);
+double memory_for_each_recording();  // in bytes
 
 // Error as the child's reader threw it; Error(bad_recording) if it crashed or took more than it may.
 Recording read_apart(const std::string& path, const ReadLimits& limits);

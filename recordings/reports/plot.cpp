@@ -1,19 +1,20 @@
 #include "recordings/reports/plot.h"
 
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
+#include <array>
 #include <chrono>
 #include <cmath>
-#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <string_view>
+#include <system_error>
 #include <thread>
 
 #include "base/number_text.h"
+#include "recordings/process/child.h"
 #include "recordings/reports/table.h"
 
 namespace ferrobench::recordings {
@@ -89,44 +90,35 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
   return out + "set output\n";
 }
 
-// The program's answer, or what went wrong. No shell, no input, nothing printed.
-std::string run(const std::string& program, const std::string& argument, std::chrono::seconds limit) {
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 2, "/dev/null", O_WRONLY, 0);
-  // It inherits nothing: no socket that it would keep open after this program's end.
-  posix_spawn_file_actions_addclosefrom_np(&actions, 3);
-  posix_spawnattr_t attributes;
-  posix_spawnattr_init(&attributes);
-  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);  // whatever it starts ends with it
-  std::string name = program, given = argument;
-  std::array<char*, 3> arguments{name.data(), given.data(), nullptr};
-  pid_t child = 0;
-  const int failed = posix_spawnp(&child, program.c_str(), &actions, &attributes, arguments.data(), environ);
-  posix_spawnattr_destroy(&attributes);
-  posix_spawn_file_actions_destroy(&actions);
-  if (failed != 0) return "gnuplot is not installed";
-  const auto allow = [child](auto what, rlim_t most) {
-    const rlimit bound{.rlim_cur = most, .rlim_max = most};
-    prlimit(child, what, &bound, nullptr);
-  };
-  allow(RLIMIT_CPU, static_cast<rlim_t>(limit.count()));
-  allow(RLIMIT_AS, rlim_t{1} << 30);
-  allow(RLIMIT_FSIZE, rlim_t{64} << 20);
-  allow(RLIMIT_CORE, 0);
-  int status = 0;
-  for (const auto end = std::chrono::steady_clock::now() + limit; waitpid(child, &status, WNOHANG) == 0;) {
-    if (std::chrono::steady_clock::now() > end) {
-      kill(-child, SIGKILL);
-      waitpid(child, &status, 0);
-      return "gnuplot took longer than " + std::to_string(limit.count()) + " s";
+constexpr std::string_view child_name = "ferrobench: draws";
+
+// As the child. gnuplot may start processes of its own, and they have the same limits.
+[[gnu::constructor]] void draw_if_asked(int argc, char** argv) {
+  if (argc != 4 || argv[0] != child_name) return;
+  constexpr rlim_t memory = 1 << 30, picture = 64 << 20;
+  be_a_child();
+  allow(RLIMIT_CPU, static_cast<rlim_t>(std::strtol(argv[3], nullptr, 10)));
+  allow(RLIMIT_AS, memory);
+  allow(RLIMIT_FSIZE, picture);
+  execlp(argv[1], argv[1], argv[2], nullptr);
+  _exit(127);
+}
+
+// What went wrong, or "". No shell, no input, nothing printed.
+std::string run(const std::string& program, const std::string& script, std::chrono::seconds limit) {
+  const auto seconds = std::to_string(limit.count());
+  try {
+    Child child(std::array{std::string(child_name), program, script, seconds});
+    for (const auto end = std::chrono::steady_clock::now() + limit; !child.over();) {
+      if (std::chrono::steady_clock::now() > end) return "gnuplot took longer than " + seconds + " s";
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    const int status = child.end();
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 127) return "gnuplot is not installed";
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "" : "gnuplot failed";
+  } catch (const std::system_error& failure) {
+    return "gnuplot could not be started: " + failure.code().message();
   }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 127) return "gnuplot is not installed";
-  return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "" : "gnuplot failed";
 }
 
 void replace_all(std::string& text, std::string_view what, std::string_view by) {

@@ -25,7 +25,7 @@ struct Drawing {
   std::string problem;
 };
 
-// At most 30 s. Lines and letters take the colour of the text around them.
+// Lines and letters take the colour of the text around them.
 // The child gets no descriptor of this process, 1 GiB of memory, and as much time as the limit says.
 Drawing draw(const std::vector<Figure>& figures, const std::string& gnuplot = "gnuplot",
              std::chrono::seconds limit = std::chrono::seconds(10));

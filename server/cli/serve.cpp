@@ -1,10 +1,16 @@
+#include <sys/resource.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
 #include <future>
 #include <iostream>
 #include <thread>
 
+#include "recordings/hdf5/read_apart.h"
+#include "recordings/process/child.h"
+#include "server/cli/deadline.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 #include "server/engine/aftermath.h"
@@ -53,8 +59,31 @@ void wait_for_interrupt(const server::Engine& engine, const server::Server& door
   sd_notify(0, "STOPPING=1");
 }
 
+// As many as the system lets it have, for clients, recordings and children.
+void allow_descriptors() {
+  constexpr rlim_t plenty = 4096;
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_cur >= plenty) return;
+  files.rlim_cur = std::min(plenty, files.rlim_max);
+  setrlimit(RLIMIT_NOFILE, &files);
+}
+
+constexpr std::chrono::seconds after_stop{60};
+
+std::string what_the_run_waits_for(const server::Engine& engine) {
+  return std::string("the run's ") +
+         (engine.output_at_zero() ? "file; the output is at zero"
+                                  : "device: the output may not be at zero, switch the amplifier off") +
+         "; the next start makes the recording's file of its journal";
+}
+
 int serve(const ServeOptions& o, const Common& common) {
   const Interrupt interrupt;
+  allow_descriptors();
+  // Four jobs, two views and a replay may read at once, and a run needs its memory.
+  recordings::allow_each_recording(1.0 / 8);
+  std::optional<Deadline> deadline;  // outlives the engine, whose jobs may take their time to end
+  std::atomic<bool> run_over = false;
   server::Hub hub;
   server::Engine engine(common.data_folder(), hub);
   server::Dispatcher rpc;
@@ -105,11 +134,21 @@ int serve(const ServeOptions& o, const Common& common) {
             << std::endl;
   wait_for_interrupt(engine, door);
   std::cout << "stopping" << std::endl;
+  // The way to zero has its time in any case; the rest is for the recording's file and for replies.
+  const auto most =
+      std::chrono::ceil<std::chrono::seconds>(std::chrono::duration<double>(engine.limits().stop_time)) +
+      after_stop;
+  deadline.emplace(most, [&, most] {
+    const auto waited = "ended after " + std::to_string(most.count()) + " s of waiting for ";
+    return waited + (run_over ? "views and jobs" : what_the_run_waits_for(engine));
+  });
+  recordings::end_all_children();
   auto stopped = std::async(std::launch::async, [&engine] { engine.stop(); });
   for (int told = Interrupt::count();
        stopped.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready;)
     if (std::exchange(told, Interrupt::count()) != Interrupt::count()) engine.hasten();
   stopped.get();
+  run_over = true;
   door.stop();
   return exit_ok;
 }
@@ -136,6 +175,8 @@ void add_serve(CLI::App& app, Common& common) {
                   "~/.local/state/ferrobench/token")
       ->type_name("FILE");
   sub->footer(
+      "SIGTERM or Ctrl-C bring the output to zero within the limits' stop_time, usually 10 s; a second one\n"
+      "hastens it. A minute after that it ends, whatever still hangs, and the next start makes the file.\n"
       "What a crash has left is put right before it listens: outputs of hardware are brought to zero, and\n"
       "recordings are made whole (ferrobench recover --help).\n"
       "Who did what, and who was refused, stands in the folder \"audit\" of the data folder: calls.jsonl "

@@ -70,6 +70,11 @@ void Engine::stop() {
   run->wait();
 }
 
+bool Engine::output_at_zero() const {
+  const std::scoped_lock lock(mutex_);
+  return run_ && run_->output_at_zero();
+}
+
 double Engine::uptime() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
 }

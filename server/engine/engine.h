@@ -83,6 +83,8 @@ class Engine {
   Hazards& hazards() { return hazards_; }
   Hub& hub() { return hub_; }
   double uptime() const;  // s
+  // Of the run under way, whose file may not be whole yet.
+  bool output_at_zero() const;
 
  private:
   struct Asked {

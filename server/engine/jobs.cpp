@@ -3,6 +3,7 @@
 #include <array>
 #include <thread>
 
+#include "base/priority.h"
 #include "recordings/format/iso_time.h"
 
 namespace ferrobench::server {
@@ -78,6 +79,7 @@ std::string Jobs::start(const std::string& kind, Work work) {
   };
   jobs_[last_] = job;
   job->thread = std::jthread([&handle, work = std::move(work)] {
+    give_way();
     JobState state = JobState::complete;
     nlohmann::json result, error;
     try {

@@ -110,6 +110,7 @@ class Run {
 
   const std::string& id() const { return setup_.id; }
   RunStatus status() const;
+  bool output_at_zero() const { return guard_->outcome().output_at_zero; }  // before the file is whole, too
   std::size_t queued_blocks() const;  // acquired, not yet with the writer
   bool over() const { return is_over(status().state); }
 

@@ -4,6 +4,7 @@
 #include "recordings/tables/published.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
+#include "server/methods/read_all.h"
 #include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
@@ -65,10 +66,8 @@ json search_discrepancy(Engine& engine, const DiscoveryParams& p, Jobs::Handle& 
   job.say(0, "reading");
   const auto base = model::model_from_json(resolve_model(p.model, engine.store()));
   std::vector<model::NamedRecording> recordings;
-  for (const auto& name : p.recordings) {
-    job.check();
-    recordings.push_back({name, recordings::read_recording(engine.store().recording(name).string())});
-  }
+  for (auto& recording : read_all(engine, p.recordings, job))
+    recordings.push_back({p.recordings[recordings.size()], std::move(recording)});
   model::DiscoverOptions options;
   options.held_out = p.held_out;
   options.seed = static_cast<std::uint64_t>(p.seed);

@@ -4,6 +4,7 @@
 #include "server/engine/fitting.h"
 #include "server/engine/simulation.h"
 #include "server/methods/methods.h"
+#include "server/methods/read_all.h"
 #include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
@@ -112,13 +113,8 @@ void describe(Visitor& visit, FitParams& p) {
 json fit(Engine& engine, const FitParams& p, Jobs::Handle& job) {
   job.say(0, "reading");
   const auto start = model::model_from_json(resolve_model(p.model, engine.store()));
-  std::vector<recordings::Recording> recordings;
-  for (const auto& name : p.recordings) {
-    job.check();
-    recordings.push_back(recordings::read_recording(engine.store().recording(name).string()));
-  }
   auto result = fit_model(
-      p.request, start, std::move(recordings),
+      p.request, start, read_all(engine, p.recordings, job),
       [&job](const model::FitProgress& progress) {
         job.say(progress.fraction, progress.stage);
         return !job.cancelled();

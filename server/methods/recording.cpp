@@ -150,6 +150,7 @@ json info_of(const fs::path& path) {
 // more than this memory, and the time that goes with it.
 recordings::Recording read_to_view(Engine& engine, const std::string& name) {
   constexpr std::uint64_t most_bytes = std::uint64_t{1} << 30;
+  constexpr double with_counts = 1.5;  // what it has beside the channels is a fraction of them
   const auto path = engine.store().recording(name).string();
   const auto summary = recordings::read_summary(path);
   const auto row = sizeof(double) * (1 + summary.channels.size());
@@ -162,7 +163,7 @@ recordings::Recording read_to_view(Engine& engine, const std::string& name) {
                 .allowed = {{"to", most_bytes / row}},
                 .unit = "rows",
                 .hint = "get the file, /recordings/" + name + ".h5, and look at it with your own program"});
-  return recordings::read_recording(path);
+  return recordings::read_recording(path, with_counts * static_cast<double>(most_bytes));
 }
 
 json columns_of(Engine& engine, const ReadParams& p) {

@@ -32,7 +32,7 @@ void Conversation::begin() {
 void Conversation::received(std::string text) {
   reading_ = false;
   Waiting next{.text = std::move(text)};
-  if ((calling_ || !inbox_.empty() || !replies_.empty()) && !overtaking_) {
+  if (calling_ || !inbox_.empty() || !replies_.empty()) {
     const auto asked = service_.dispatcher.look(next.text);
     next.again = asked.stop;
     next.silent = asked.stop && asked.alone;
@@ -45,7 +45,7 @@ void Conversation::received(std::string text) {
 
 // With a context of its own, since another call may be using this connection's.
 void Conversation::overtake(const Waiting& stop) {
-  overtaking_ = true;
+  ++overtaking_;
   auto context = std::make_shared<CallContext>(
       CallContext{.client = context_->client, .lease = "", .subscriber = nullptr});
   service_.run(
@@ -54,7 +54,7 @@ void Conversation::overtake(const Waiting& stop) {
         return dispatcher.handle(text, *context, Part::stops);
       },
       [self = shared_from_this(), answered = stop.silent](std::optional<std::string> reply) {
-        self->overtaking_ = false;
+        --self->overtaking_;
         if (reply && answered)
           self->replies_.push_back(std::make_shared<const std::string>(std::move(*reply)));
         self->pump();
@@ -110,7 +110,7 @@ void Conversation::pump() {
     reading_ = true;
     read();
   }
-  if (!calling_ && replies_.empty() && !inbox_.empty() && !(overtaking_ && inbox_.front().again)) {
+  if (!calling_ && replies_.empty() && !inbox_.empty() && !(overtaking_ > 0 && inbox_.front().again)) {
     calling_ = true;
     auto next = std::move(inbox_.front());
     inbox_.pop_front();
@@ -128,7 +128,7 @@ void Conversation::pump() {
   if (!replies_.empty()) {
     sending_ = std::move(replies_.front());
     replies_.pop_front();
-  } else if (last_ && !calling_ && !overtaking_ && inbox_.empty()) {
+  } else if (last_ && !calling_ && overtaking_ == 0 && inbox_.empty()) {
     return finish(service_.stopping ? "the daemon stops" : "");
   } else {
     sending_ = context_->subscriber->next();

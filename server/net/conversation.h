@@ -54,8 +54,8 @@ class Conversation : public Session, public std::enable_shared_from_this<Convers
   Subscriber::Text sending_;
   bool reading_ = false;
   bool calling_ = false;
-  bool overtaking_ = false;
-  bool last_ = false;  // takes no further requests
+  int overtaking_ = 0;  // stops under way ahead of their turn
+  bool last_ = false;   // takes no further requests
   bool finished_ = false;
 };
 

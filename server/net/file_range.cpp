@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 
 namespace ferrobench::server {
@@ -55,19 +54,13 @@ std::optional<FileRange> FileRange::open(const std::string& path) {
   return whole;
 }
 
-boost::optional<std::pair<FileRangeBody::writer::const_buffers_type, bool>> FileRangeBody::writer::get(
-    boost::beast::error_code& ec) {
-  ec = {};
-  if (left_ == 0) return boost::none;
-  const auto want = static_cast<std::size_t>(std::min<std::uint64_t>(left_, chunk_.size()));
-  const ssize_t got = pread(*body_.descriptor, chunk_.data(), want, static_cast<off_t>(at_));
-  if (got <= 0) {  // an error, or the file became shorter: the client sees a short reply
-    ec.assign(got < 0 ? errno : EIO, boost::system::system_category());
-    return boost::none;
-  }
-  at_ += static_cast<std::uint64_t>(got);
-  left_ -= static_cast<std::uint64_t>(got);
-  return {{boost::asio::const_buffer(chunk_.data(), static_cast<std::size_t>(got)), left_ > 0}};
+std::string FileRange::take(std::size_t most) {
+  std::string out(std::min<std::uint64_t>(length, most), '\0');
+  const ssize_t got = pread(*descriptor, out.data(), out.size(), static_cast<off_t>(first));
+  out.resize(static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+  first += out.size();
+  length -= out.size();
+  return out;
 }
 
 }  // namespace ferrobench::server

@@ -62,17 +62,7 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                        std::to_string(tcp().socket().remote_endpoint(gone).port());
   }
 
-  void start(bool full) {
-    if (full) {
-      keep_open_ = false;
-      return refuse({503,
-                     ErrorCode::busy,
-                     "too many connections are open",
-                     "close some, or try again later",
-                     {{"Retry-After", "1"}}});
-    }
-    read_head();
-  }
+  void start() { read_head(); }
 
   // Somebody speaks plainly where TLS is asked for.
   void refuse_plain() {
@@ -151,8 +141,14 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                            .upgrade = asks_for_websocket(request)};
     const auto decision = service_.admission->admit(head);
     if (const auto* refusal = std::get_if<Refusal>(&decision)) return refuse(*refusal);
-    trusted_ = true;
     const auto& [route, path] = std::get<Admitted>(decision);
+    trusted_ = trusted_ || service_.has_place();
+    // In a full house whoever has shown the token still stops the bench, and gets the page to do so.
+    if (!trusted_) {
+      keep_open_ = false;
+      if (route != Route::rpc_call && route != Route::page && route != Route::sign_in)
+        return refuse(full_house());
+    }
     context_->lease = std::string(request["Ferrobench-Lease"]);
     switch (route) {
       case Route::rpc_socket:
@@ -195,6 +191,8 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   }
 
   void call() {
+    if (!trusted_ && service_.dispatcher.look(parser_->get().body()).lane != Lane::urgent)
+      return refuse(full_house());
     tcp().expires_never();
     service_.call(std::move(parser_->get().body()), context_,
                   [self = self()](std::optional<std::string> reply) {
@@ -247,10 +245,18 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   }
 
   void send_recording(const std::string& name) {
-    const auto path = name.empty() || name.find('/') != std::string::npos || !service_.content.recording
-                          ? std::nullopt
-                          : service_.content.recording(name);
-    auto file = path ? FileRange::open(*path) : std::nullopt;
+    if (name.empty() || name.find('/') != std::string::npos || !service_.content.recording)
+      return send_file(std::nullopt);
+    tcp().expires_never();
+    auto file = std::make_shared<std::optional<FileRange>>();
+    service_.at_the_disk(
+        [&find = service_.content.recording, name, file] {
+          if (const auto path = find(name)) *file = FileRange::open(*path);
+        },
+        [self = self(), file] { self->send_file(std::move(*file)); });
+  }
+
+  void send_file(std::optional<FileRange> file) {
     if (!file)
       return refuse(
           {404, ErrorCode::not_found, "there is no recording of this name", "recording.list names them", {}});
@@ -262,7 +268,7 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                      "the range is outside the file",
                      "the file has " + std::to_string(whole) + " bytes",
                      {{"Content-Range", "bytes */" + std::to_string(whole)}}});
-    auto response = make<FileRangeBody>(wanted ? http::status::partial_content : http::status::ok);
+    auto response = make<http::buffer_body>(wanted ? http::status::partial_content : http::status::ok);
     response.set(field::content_type, "application/x-hdf5");
     response.set(field::accept_ranges, "bytes");
     response.set(field::content_disposition, "attachment");
@@ -273,9 +279,46 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
                                              std::to_string(wanted->first + wanted->length - 1) + "/" +
                                              std::to_string(whole));
     }
-    const auto seconds = file->length >> 20;  // a client slower than 1 MiB/s is given up
-    response.body() = std::move(*file);
-    send(std::move(response), std::chrono::seconds(seconds));
+    response.body().more = true;
+    response.content_length(file->length);
+    keep_open_ = keep_open_ && !service_.stopping && parser_->get().keep_alive();
+    response.keep_alive(keep_open_);
+    auto sent = std::make_shared<Sent>(std::move(response), *std::move(file));
+    tcp().expires_after(service_.options.reply_timeout);
+    http::async_write_header(stream_, sent->serializer, [self = self(), sent](error_code ec, std::size_t) {
+      if (!ec) self->send_next(sent);
+    });
+  }
+
+  // A reply whose body is read and sent in turn.
+  struct Sent {
+    Sent(http::response<http::buffer_body> r, FileRange f)
+        : response(std::move(r)), serializer(response), file(std::move(f)) {}
+    http::response<http::buffer_body> response;
+    http::response_serializer<http::buffer_body> serializer;
+    FileRange file;
+    std::string portion;
+  };
+
+  // A client that takes a portion in no less than reply_timeout is given up.
+  void send_next(const std::shared_ptr<Sent>& sent) {
+    constexpr std::size_t portion = 256u << 10;
+    if (sent->file.length == 0) return replied();
+    tcp().expires_never();
+    service_.at_the_disk([sent] { sent->portion = sent->file.take(portion); },
+                         [self = self(), sent] {
+                           if (sent->portion.empty()) return;  // the client sees a short reply
+                           auto& body = sent->response.body();
+                           body.data = sent->portion.data();
+                           body.size = sent->portion.size();
+                           body.more = sent->file.length > 0;
+                           self->tcp().expires_after(self->service_.options.reply_timeout);
+                           http::async_write(self->stream_, sent->serializer,
+                                             [self, sent](error_code ec, std::size_t) {
+                                               if (!ec || ec == http::error::need_buffer)
+                                                 self->send_next(sent);
+                                             });
+                         });
   }
 
   void refuse(const Refusal& refusal) {
@@ -314,17 +357,20 @@ class HttpSession final : public Session, public std::enable_shared_from_this<Ht
   }
 
   template <class Body>
-  void send(http::response<Body> response, std::chrono::milliseconds more = {}) {
+  void send(http::response<Body> response) {
     keep_open_ = keep_open_ && !service_.stopping && parser_ && parser_->get().keep_alive();
     response.keep_alive(keep_open_);
     response.prepare_payload();
     auto message = std::make_shared<http::response<Body>>(std::move(response));
-    tcp().expires_after(service_.options.reply_timeout + more);
+    tcp().expires_after(service_.options.reply_timeout);
     http::async_write(stream_, *message, [self = self(), message](error_code ec, std::size_t) {
-      if (ec) return;
-      if (self->keep_open_) return self->read_head();
-      self->linger();
+      if (!ec) self->replied();
     });
+  }
+
+  void replied() {
+    if (keep_open_) return read_head();
+    linger();
   }
 
   void linger() {
@@ -364,11 +410,11 @@ class Greeting final : public Session, public std::enable_shared_from_this<Greet
   Greeting(Service& service, PlainStream stream)
       : Session(service, address_of(stream)), stream_(std::move(stream)) {}
 
-  void start(bool full) {
+  void start() {
     stream_.expires_after(service_.options.header_timeout);
-    beast::async_detect_ssl(stream_, buffer_, [self = shared_from_this(), full](error_code ec, bool tls) {
+    beast::async_detect_ssl(stream_, buffer_, [self = shared_from_this()](error_code ec, bool tls) {
       if (ec) return;
-      if (tls) return self->shake_hands(full);
+      if (tls) return self->shake_hands();
       std::make_shared<HttpSession<PlainStream>>(self->service_, std::move(self->stream_))->refuse_plain();
     });
   }
@@ -378,13 +424,13 @@ class Greeting final : public Session, public std::enable_shared_from_this<Greet
   void drop() override { tcp().close(); }
   PlainStream& tcp() { return tls_ ? tls_->next_layer() : stream_; }
 
-  void shake_hands(bool full) {
+  void shake_hands() {
     tls_.emplace(std::move(stream_), *service_.tls);
     tls_->async_handshake(
         boost::asio::ssl::stream_base::server, buffer_.data(),
-        [self = shared_from_this(), full](error_code ec, std::size_t) {
+        [self = shared_from_this()](error_code ec, std::size_t) {
           if (ec) return;
-          std::make_shared<HttpSession<TlsStream>>(self->service_, std::move(*self->tls_))->start(full);
+          std::make_shared<HttpSession<TlsStream>>(self->service_, std::move(*self->tls_))->start();
         });
   }
 
@@ -395,11 +441,11 @@ class Greeting final : public Session, public std::enable_shared_from_this<Greet
 
 }  // namespace
 
-void start_http(Service& service, boost::asio::ip::tcp::socket socket, bool full) {
+void start_http(Service& service, boost::asio::ip::tcp::socket socket) {
   if (service.tls) {
-    std::make_shared<Greeting>(service, PlainStream(std::move(socket)))->start(full);
+    std::make_shared<Greeting>(service, PlainStream(std::move(socket)))->start();
   } else {
-    std::make_shared<HttpSession<PlainStream>>(service, PlainStream(std::move(socket)))->start(full);
+    std::make_shared<HttpSession<PlainStream>>(service, PlainStream(std::move(socket)))->start();
   }
 }
 

@@ -27,7 +27,7 @@ struct ServerOptions {
   std::chrono::milliseconds header_timeout{
       15'000};  // from connecting, or from the last reply, to the end of the head
   std::chrono::milliseconds body_timeout{30'000};
-  std::chrono::milliseconds reply_timeout{30'000};  // to take a reply; a file gets 1 s more for each MiB
+  std::chrono::milliseconds reply_timeout{30'000};  // to take a reply, or the next 256 KiB of a file
   std::chrono::milliseconds idle_timeout{60'000};   // a WebSocket that does not answer a ping
   std::chrono::milliseconds stop_timeout{2'000};    // for replies under way when the daemon stops
   OutboxLimits outbox;

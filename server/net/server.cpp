@@ -1,6 +1,7 @@
 #include "server/net/server.h"
 
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -8,12 +9,14 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <future>
+#include <iterator>
 #include <mutex>
 #include <thread>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "base/priority.h"
 #include "server/net/service.h"
 #include "server/net/unix_socket.h"
 
@@ -33,6 +36,27 @@ Session::~Session() {
   service_.sessions.erase(this);
 }
 
+namespace {
+
+constexpr std::size_t most_local_stops = 16;    // without a place, beside those who have one
+constexpr std::size_t most_views_waiting = 32;  // more would wait for longer than anybody does
+
+// Strangers may never take the descriptors of those who have a place, and of the bench: the files of a run,
+// the device, a child that reads.
+std::size_t strangers_for(const ServerOptions& options) {
+  constexpr std::size_t fewest = 16, most = 512, own = 96;
+  rlimit files{};
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0) return fewest;
+  const std::size_t kept = 2 * options.max_connections + most_local_stops + own;
+  return std::clamp(files.rlim_cur > kept ? files.rlim_cur - kept : 0, fewest, most);
+}
+
+void let_oldest_go(const std::vector<Session*>& among) {
+  (*std::ranges::min_element(among, {}, &Session::number))->leave();
+}
+
+}  // namespace
+
 Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
     : dispatcher(d),
       hub(h),
@@ -40,7 +64,8 @@ Service::Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c)
       content(std::move(c)),
       tls(make_tls(o)),
       usual((o.worker_threads + 1) / 2),
-      heavy(std::max(1u, o.worker_threads / 2)) {}
+      heavy(std::max(1u, o.worker_threads / 2)),
+      most_strangers_(strangers_for(o)) {}
 
 boost::asio::thread_pool& Service::threads(Lane lane) {
   switch (lane) {
@@ -56,12 +81,25 @@ boost::asio::thread_pool& Service::threads(Lane lane) {
 
 void Service::run(Lane lane, Work work, Done done) {
   ++calls_waiting;
-  asio::post(threads(lane), [this, work = std::move(work), done = std::move(done)]() mutable {
+  if (lane == Lane::heavy) ++views_waiting_;
+  asio::post(threads(lane), [this, lane, work = std::move(work), done = std::move(done)]() mutable {
     --calls_waiting;
+    if (lane == Lane::heavy) {
+      --views_waiting_;
+      give_way();
+    }
     auto reply = work();
     work = nullptr;
     // `done` holds the session, which may only be let go on the io thread.
     asio::post(io, [reply = std::move(reply), done = std::move(done)]() mutable { done(std::move(reply)); });
+  });
+}
+
+void Service::at_the_disk(std::function<void()> work, std::function<void()> done) {
+  asio::post(disk, [this, work = std::move(work), done = std::move(done)]() mutable {
+    work();
+    work = nullptr;
+    asio::post(io, std::move(done));
   });
 }
 
@@ -79,39 +117,70 @@ Text joined(const Text& first, Text second) {
 
 void Service::call(std::string text, std::shared_ptr<CallContext> context, Done done) {
   const auto asked = dispatcher.look(text);
+  context->crowded = asked.lane == Lane::heavy && views_waiting_ >= most_views_waiting;
+  const auto lane = context->crowded ? Lane::usual : asked.lane;
   const auto part = [this, context = std::move(context),
                      text = std::make_shared<const std::string>(std::move(text))](Part which) {
     return [this, context, text, which] { return dispatcher.handle(*text, *context, which); };
   };
-  if (!asked.stop || asked.alone) return run(asked.lane, part(Part::all), std::move(done));
-  run(Lane::urgent, part(Part::stops), [this, lane = asked.lane, part, done = std::move(done)](Text first) {
+  if (!asked.stop || asked.alone) return run(lane, part(Part::all), std::move(done));
+  run(Lane::urgent, part(Part::stops), [this, lane, part, done = std::move(done)](Text first) {
     run(lane, part(Part::rest),
         [first = std::move(first), done](Text rest) { done(joined(first, std::move(rest))); });
   });
 }
 
-bool Service::make_room(const std::string& address) {
-  constexpr std::size_t most_strangers = 512, most_from_one_address = 256;
-  std::size_t trusted = 0;
-  std::vector<Session*> strangers, from_there;
-  for (auto* session : sessions) {
-    if (session->local() || session->leaving()) continue;
-    if (!session->stranger()) {
-      ++trusted;
-      continue;
-    }
-    strangers.push_back(session);
-    if (session->address() == address) from_there.push_back(session);
+std::vector<Session*> Service::strangers() const {
+  std::vector<Session*> out;
+  std::ranges::copy_if(sessions, std::back_inserter(out),
+                       [](const Session* s) { return s->stranger() && !s->leaving(); });
+  return out;
+}
+
+void Service::make_room(const std::string& address) {
+  auto there = strangers();
+  const bool full = there.size() >= most_strangers_;
+  const auto theirs =
+      std::ranges::partition(there, [&](const Session* s) { return s->address() != address; });
+  const std::vector from_there(theirs.begin(), theirs.end());
+  if (from_there.size() >= most_strangers_ / 2) {
+    let_oldest_go(from_there);
+  } else if (full) {
+    let_oldest_go(there);
   }
-  const auto oldest_leaves = [](const std::vector<Session*>& among) {
-    (*std::ranges::min_element(among, {}, &Session::number))->leave();
-  };
-  if (from_there.size() >= most_from_one_address) {
-    oldest_leaves(from_there);
-  } else if (strangers.size() >= most_strangers) {
-    oldest_leaves(strangers);
-  }
-  return trusted < options.max_connections;
+}
+
+bool Service::let_a_stranger_go() {
+  const auto there = strangers();
+  if (!there.empty()) let_oldest_go(there);
+  return !there.empty();
+}
+
+bool Service::has_place() const {
+  return static_cast<std::size_t>(std::ranges::count_if(sessions, [](const Session* s) {
+           return !s->stranger() && !s->local() && !s->leaving();
+         })) < options.max_connections;
+}
+
+bool Service::has_local_place() const {
+  return static_cast<std::size_t>(std::ranges::count_if(sessions, [](const Session* s) {
+           return s->local() && !s->only_stops() && !s->leaving();
+         })) < options.max_connections;
+}
+
+void Service::make_room_for_a_local_stop() {
+  std::vector<Session*> there;
+  std::ranges::copy_if(sessions, std::back_inserter(there),
+                       [](const Session* s) { return s->local() && s->only_stops() && !s->leaving(); });
+  if (there.size() >= most_local_stops) let_oldest_go(there);
+}
+
+Refusal full_house() {
+  return {503,
+          ErrorCode::busy,
+          "too many connections are open",
+          "close some, or try again later; run.abort and run.status are served all the same",
+          {{"Retry-After", "1"}}};
 }
 
 namespace {
@@ -126,6 +195,7 @@ class Listener {
   void accept() {
     acceptor_.async_accept([this](error_code ec, typename Protocol::socket socket) {
       if (ec == asio::error::operation_aborted || !acceptor_.is_open()) return;
+      if (ec == asio::error::no_descriptors && service_.let_a_stranger_go()) return accept();
       if (ec) {
         spdlog::warn("accepting a connection failed: {}", ec.message());
         pause_.expires_after(std::chrono::milliseconds(100));
@@ -134,8 +204,8 @@ class Listener {
         });
       }
       ++service_.connections;
-      const bool room = make_room(socket);
-      start_(service_, std::move(socket), !room);
+      make_room(socket);
+      start_(service_, std::move(socket));
       accept();
     });
   }
@@ -147,13 +217,12 @@ class Listener {
   }
 
  private:
-  bool make_room(const typename Protocol::socket& socket) {
+  void make_room(const typename Protocol::socket& socket) {
     if constexpr (std::is_same_v<Protocol, local>) {
-      return std::ranges::count_if(service_.sessions, &Session::local) <
-             static_cast<std::ptrdiff_t>(service_.options.max_connections);
+      if (!service_.has_local_place()) service_.make_room_for_a_local_stop();
     } else {
       error_code gone;
-      return service_.make_room(socket.remote_endpoint(gone).address().to_string());
+      service_.make_room(socket.remote_endpoint(gone).address().to_string());
     }
   }
 
@@ -257,7 +326,7 @@ void Server::stop() {
     auto& s = *state_;
     asio::post(s.service.io, [&s] { s.begin_stop(); });
     s.thread.join();
-    for (auto* threads : {&s.service.urgent, &s.service.usual, &s.service.heavy}) {
+    for (auto* threads : {&s.service.urgent, &s.service.usual, &s.service.heavy, &s.service.disk}) {
       threads->stop();
       threads->join();
     }

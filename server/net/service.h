@@ -13,6 +13,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "server/net/admission.h"
 #include "server/net/server.h"
@@ -32,6 +33,8 @@ class Session {
   // Closes as soon as what is under way is answered.
   virtual void stop() = 0;
   virtual bool local() const { return false; }  // came by the Unix socket
+  // Has no place of its own: is served only what stops the bench, and gives way to the next such.
+  virtual bool only_stops() const { return false; }
   // A stranger has shown no token yet, and gives way to others.
   bool stranger() const { return !trusted_ && !local(); }
   const std::string& address() const { return address_; }
@@ -67,7 +70,7 @@ struct Service {
   std::uint64_t connections = 0;  // ever accepted, to name them
   std::atomic<std::size_t> calls_waiting{0};
   boost::asio::io_context io{1};
-  boost::asio::thread_pool urgent{1}, usual, heavy;
+  boost::asio::thread_pool urgent{1}, usual, heavy, disk{2};
 
   Service(const Dispatcher& d, Hub& h, const ServerOptions& o, Content c);
 
@@ -78,16 +81,31 @@ struct Service {
   // The same with what the dispatcher replies to the text. What stops the bench is not kept waiting by what
   // comes with it.
   void call(std::string text, std::shared_ptr<CallContext> context, Done done);
-  // Room for one more that comes by TCP from this address; strangers give way, the oldest first. False: those
-  // who have shown the token fill the house.
-  bool make_room(const std::string& address);
+  // Does `work` where a disk that hangs holds up nobody but those who want a file; then `done` on the io
+  // thread.
+  void at_the_disk(std::function<void()> work, std::function<void()> done);
+  // Strangers give way to one more that comes by TCP from this address, the oldest first.
+  void make_room(const std::string& address);
+  // No descriptor is left for the next: the oldest stranger goes. False: there is none.
+  bool let_a_stranger_go();
+  // Whether there is a place for one more who has shown the token, or comes by the Unix socket. A full house
+  // still serves what stops the bench.
+  bool has_place() const;
+  bool has_local_place() const;
+  void make_room_for_a_local_stop();
 
  private:
   boost::asio::thread_pool& threads(Lane lane);
+  std::vector<Session*> strangers() const;
+
+  std::size_t most_strangers_;
+  std::atomic<std::size_t> views_waiting_{0};
 };
 
-// A full house is told so, and closed.
-void start_http(Service& service, boost::asio::ip::tcp::socket socket, bool full);
-void start_unix(Service& service, boost::asio::local::stream_protocol::socket socket, bool full);
+// What a full house says to whoever asks for more than a stop.
+Refusal full_house();
+
+void start_http(Service& service, boost::asio::ip::tcp::socket socket);
+void start_unix(Service& service, boost::asio::local::stream_protocol::socket socket);
 
 }  // namespace ferrobench::server

@@ -32,26 +32,19 @@ std::string peer_of(int fd) {
 
 class UnixSession final : public Conversation {
  public:
-  UnixSession(Service& service, Socket socket, const std::shared_ptr<CallContext>& context)
-      : Conversation(service, context), client_(context->client), socket_(std::move(socket)) {}
+  UnixSession(Service& service, Socket socket, const std::shared_ptr<CallContext>& context, bool only_stops)
+      : Conversation(service, context),
+        client_(context->client),
+        socket_(std::move(socket)),
+        only_stops_(only_stops) {}
 
-  void start(bool full) {
-    if (!full) return begin();
-    const Refusal refusal{.status = 503,
-                          .code = ErrorCode::busy,
-                          .message = "too many connections are open",
-                          .hint = "close some, or try again later",
-                          .headers = {}};
-    refused(refusal);
-    const auto text = refusal_line(entry(ErrorCode::busy).rpc_code, refusal.message, refusal) + "\n";
-    error_code ignored;
-    socket_.non_blocking(true, ignored);
-    socket_.write_some(asio::buffer(text), ignored);
-  }
-
+  void start() { begin(); }
   bool local() const override { return true; }
+  bool only_stops() const override { return only_stops_; }
 
  private:
+  void drop() override { broken(); }
+
   std::shared_ptr<UnixSession> mine() { return std::static_pointer_cast<UnixSession>(shared_from_this()); }
 
   void refused(const Refusal& refusal) {
@@ -60,24 +53,33 @@ class UnixSession final : public Conversation {
 
   void read() override {
     const auto limit = service_.options.max_body_bytes;
-    asio::async_read_until(socket_, asio::dynamic_buffer(buffer_, limit), '\n',
-                           [self = mine(), limit](error_code ec, std::size_t length) {
-                             if (ec == asio::error::not_found) {
-                               const Refusal refusal{.status = 413,
-                                                     .code = ErrorCode::invalid_params,
-                                                     .message = "the line is too long",
-                                                     .hint = "at most " + std::to_string(limit) + " bytes",
-                                                     .headers = {}};
-                               self->refused(refusal);
-                               return self->farewell(refusal_line(-32700, "Parse error", refusal));
-                             }
-                             if (ec == asio::error::eof) return self->ended();
-                             if (ec) return self->broken();
-                             auto line = self->buffer_.substr(0, length - 1);
-                             self->buffer_.erase(0, length);
-                             if (line.find_first_not_of(" \t\r") == std::string::npos) return self->read();
-                             self->received(std::move(line));
-                           });
+    asio::async_read_until(
+        socket_, asio::dynamic_buffer(buffer_, limit), '\n',
+        [self = mine(), limit](error_code ec, std::size_t length) {
+          if (ec == asio::error::not_found) {
+            const Refusal refusal{.status = 413,
+                                  .code = ErrorCode::invalid_params,
+                                  .message = "the line is too long",
+                                  .hint = "at most " + std::to_string(limit) + " bytes",
+                                  .headers = {}};
+            self->refused(refusal);
+            return self->farewell(refusal_line(-32700, "Parse error", refusal));
+          }
+          if (ec == asio::error::eof) return self->ended();
+          if (ec) return self->broken();
+          auto line = self->buffer_.substr(0, length - 1);
+          self->buffer_.erase(0, length);
+          if (line.find_first_not_of(" \t\r") == std::string::npos) return self->read();
+          if (self->only_stops_ && self->service_.dispatcher.look(line).lane != Lane::urgent)
+            return self->turn_away();
+          self->received(std::move(line));
+        });
+  }
+
+  void turn_away() {
+    const auto refusal = full_house();
+    refused(refusal);
+    farewell(refusal_line(entry(refusal.code).rpc_code, refusal.message, refusal));
   }
 
   void write(const std::string& text) override {
@@ -97,14 +99,16 @@ class UnixSession final : public Conversation {
   std::string client_;
   Socket socket_;
   std::string buffer_;
+  bool only_stops_;
 };
 
 }  // namespace
 
-void start_unix(Service& service, Socket socket, bool full) {
+void start_unix(Service& service, Socket socket) {
   auto context = std::make_shared<CallContext>();
   context->client = "unix " + std::to_string(service.connections) + peer_of(socket.native_handle());
-  std::make_shared<UnixSession>(service, std::move(socket), context)->start(full);
+  const bool only_stops = !service.has_local_place();
+  std::make_shared<UnixSession>(service, std::move(socket), context, only_stops)->start();
 }
 
 }  // namespace ferrobench::server

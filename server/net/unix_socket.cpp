@@ -89,7 +89,7 @@ int listen_unix(const std::string& path) {
   // The mode is set before bind(), which passes it on to the file: there is no moment in which others may
   // connect.
   const bool listening = fchmod(fd, 0600) == 0 && bind(fd, address.generic(), Address::size) == 0 &&
-                         chmod(path.c_str(), 0600) == 0 && listen(fd, 64) == 0;
+                         chmod(path.c_str(), 0600) == 0 && listen(fd, SOMAXCONN) == 0;
   if (!listening) {
     const auto why = std::generic_category().message(errno);
     close(fd);

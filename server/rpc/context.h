@@ -23,6 +23,8 @@ struct CallContext {
   std::string lease;  // the lease this client presented or acquired, "" for none
   // This call was carried out already, ahead of its turn: a stop that overtook what was asked before it.
   bool again = false;
+  // More views wait for a thread than anybody has the patience for: a heavy method is refused.
+  bool crowded = false;
   std::shared_ptr<Subscriber> subscriber;  // null where notifications cannot be sent (HTTP POST)
 };
 

@@ -57,6 +57,11 @@ std::optional<Problem> form_problem(const json& request) {
   return std::nullopt;
 }
 
+Error too_many_views() {
+  return {ErrorCode::busy, "too many others wait for recordings and reports",
+          Problem{.hint = "ask again in a moment; run.abort and run.status are answered meanwhile"}};
+}
+
 json by_name(const Method& method, const json& params) {
   if (params.is_null()) return json::object();
   if (!params.is_array()) return params;
@@ -148,6 +153,7 @@ std::vector<std::string> Dispatcher::unlisted_errors() {
 
 json Dispatcher::invoke(const Method& method, const json& params, CallContext& context) const {
   try {
+    if (context.crowded && method.info.lane == Lane::heavy) throw too_many_views();
     if (method.info.role == Role::control && gate_) gate_(method, context);
     return method.call(by_name(method, params), context);
   } catch (const Error& e) {

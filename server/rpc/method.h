@@ -22,7 +22,7 @@ struct MethodInfo {
   Lane lane = Lane::usual;  // what stops is always urgent
   bool audited = false;     // kept account of although it only views; what controls or stops always is
   // What it may fail with, beside what follows from the row: invalid_params where it takes parameters,
-  // not_controller where it controls.
+  // not_controller where it controls, busy where it is heavy.
   std::vector<ErrorCode> errors = {};
   nlohmann::json result_schema =
       nullptr;  // only for a handler that returns raw JSON; otherwise made from its type
@@ -96,6 +96,7 @@ Method make_method(MethodInfo info, F handler) {
   auto& errors = method.info.errors;
   errors.push_back(ErrorCode::invalid_params);  // at least for a parameter that there is not
   if (method.info.role == Role::control) errors.push_back(ErrorCode::not_controller);
+  if (method.info.lane == Lane::heavy) errors.push_back(ErrorCode::busy);
   std::ranges::sort(errors);
   errors.erase(std::unique(errors.begin(), errors.end()), errors.end());
   method.call = [handler = std::move(handler)](const nlohmann::json& named, CallContext& context) mutable {

@@ -1,9 +1,13 @@
 // What stops the bench waits for nobody: not for viewers, not for what the same client asked before, not for
 // strangers who fill the house.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <future>
 
 #include "net_bench.h"
@@ -68,6 +72,18 @@ TEST(NetStops, AStopOvertakesWhatTheSameClientAskedBefore) {
   EXPECT_EQ(bench.stopped_again, 1);
 }
 
+TEST(NetStops, ASecondStopRightBehindTheFirstOvertakesToo) {
+  Bench bench;
+  Line line(bench);
+  const auto begin = Clock::now();
+  line.say(nap(1.5, 0));
+  for (int i = 1; i <= 5; ++i) line.say(call("stop", i));
+  for (int i = 1; i <= 5; ++i) EXPECT_EQ(line.hear()["id"], i);
+  EXPECT_LT(Clock::now() - begin, 1s);
+  EXPECT_EQ(bench.stopped, 5);
+  EXPECT_EQ(line.hear()["id"], 0);
+}
+
 TEST(NetStops, AStopInABatchDoesNotWaitForTheRest) {
   Bench bench;
   Line line(bench);
@@ -114,6 +130,27 @@ TEST(NetStops, ViewersKeepNobodyWaiting) {
   for (auto& viewer : viewers) EXPECT_EQ(viewer.get().status, 200);
 }
 
+// Viewers who ask and leave, and come again: what they asked for waits for a thread all the same.
+TEST(NetStops, MoreViewersThanAnybodyWaitsForAreRefused) {
+  Bench bench;
+  std::vector<std::future<Reply>> viewers;
+  for (int i = 0; i < 50; ++i)
+    viewers.push_back(std::async(std::launch::async, [&] {
+      return http(bench, {.body = call("view", 1, {{"seconds", 0.1}}).dump()});
+    }));
+  std::size_t busy = 0;
+  for (auto& viewer : viewers) {
+    const auto reply = json::parse(viewer.get().body);
+    if (!reply.contains("error")) continue;
+    EXPECT_EQ(reply["error"]["data"]["name"], "busy");
+    EXPECT_NE(reply["error"]["data"]["problems"][0]["hint"], "");
+    ++busy;
+  }
+  EXPECT_GE(busy, 10u);
+  EXPECT_LE(busy, 50u - 32);
+  EXPECT_EQ(http(bench, {.body = call("view", 1, {{"seconds", 0}}).dump()}).status, 200);
+}
+
 TEST(NetStops, LongTextsAreNotLookedThroughForOne) {
   Bench bench;
   const auto all = [&](const json& text) { return bench.rpc.look(text.dump()); };
@@ -156,6 +193,121 @@ TEST(NetStops, WhoHasShownTheTokenStays) {
   EXPECT_EQ(http(bench, {.body = call("stop", 1).dump()}).status, 200);
   EXPECT_EQ(guest.get(), 200);
   for (const int fd : strangers) close(fd);
+}
+
+TEST(NetStops, AFullHouseIsStoppedAllTheSame) {
+  ServerOptions options;
+  options.max_connections = 2;
+  Bench bench(options);
+  std::vector<std::future<int>> guests;
+  for (int i = 0; i < 2; ++i)
+    guests.push_back(
+        std::async(std::launch::async, [&] { return http(bench, {.body = nap(1.5, 1).dump()}).status; }));
+  std::this_thread::sleep_for(300ms);
+  EXPECT_EQ(http(bench, {.body = call("stop", 1).dump()}).status, 200);
+  EXPECT_EQ(http(bench, {.method = "GET", .target = "/", .body = ""}).status, 200)
+      << "the page has the button";
+  const auto refused = http(bench, {.body = call("count", 1).dump()});
+  EXPECT_EQ(refused.status, 503);
+  EXPECT_NE(refused.body.find("run.abort"), std::string::npos);
+  EXPECT_EQ(http(bench, {.body = json::array({call("stop", 1), call("count", 2)}).dump()}).status, 503);
+  EXPECT_EQ(http(bench, {.method = "GET", .target = "/recordings/loop.h5", .body = ""}).status, 503);
+  EXPECT_EQ(http(bench, {.method = "GET", .target = "/metrics", .body = ""}).status, 503);
+  EXPECT_EQ(bench.stopped, 1);
+  EXPECT_EQ(bench.counted, 0);
+  for (auto& guest : guests) EXPECT_EQ(guest.get(), 200);
+}
+
+TEST(NetStops, AFullUnixSocketIsStoppedAllTheSame) {
+  ServerOptions options;
+  options.max_connections = 2;
+  Bench bench(options);
+  Line first(bench), second(bench);
+  first.say(call("count", 1));
+  second.say(call("count", 2));
+  EXPECT_EQ(first.hear()["id"], 1);
+  EXPECT_EQ(second.hear()["id"], 2);
+  // However many wait there, the next one is heard.
+  std::vector<std::unique_ptr<Line>> idle;
+  for (int i = 0; i < 50; ++i) idle.push_back(std::make_unique<Line>(bench));
+  Line other(bench);
+  other.say(call("stop", 3));
+  EXPECT_EQ(other.hear()["id"], 3);
+  other.say(call("count", 4));
+  EXPECT_EQ(other.hear()["error"]["data"]["name"], "busy");
+  EXPECT_EQ(bench.stopped, 1);
+  EXPECT_EQ(bench.counted, 2);
+  first.say(call("count", 5));
+  EXPECT_EQ(first.hear()["id"], 5);
+}
+
+TEST(NetStops, ADiskThatHangsHoldsUpOnlyWhoWantsAFile) {
+  Bench bench({}, [](Bench&, Content& content) {
+    content.recording = [find = content.recording](const std::string& name) {
+      std::this_thread::sleep_for(1s);
+      return find(name);
+    };
+  });
+  std::vector<std::future<Reply>> downloads;
+  for (int i = 0; i < 3; ++i)
+    downloads.push_back(std::async(std::launch::async, [&] {
+      return http(bench, {.method = "GET", .target = "/recordings/loop.h5", .body = ""});
+    }));
+  std::this_thread::sleep_for(100ms);
+  const auto begin = Clock::now();
+  EXPECT_EQ(http(bench, {.body = call("stop", 1).dump()}).status, 200);
+  EXPECT_EQ(http(bench, {.body = call("count", 1).dump()}).status, 200);
+  EXPECT_LT(Clock::now() - begin, 500ms);
+  for (auto& download : downloads) EXPECT_EQ(download.get().body, bench.recording);
+}
+
+// Strangers from a process of their own, as this one has few descriptors.
+class Crowd {
+ public:
+  Crowd(const Bench& bench, int count) {
+    child_ = fork();
+    if (child_ != 0) return;
+    rlimit files{};
+    getrlimit(RLIMIT_NOFILE, &files);
+    files.rlim_cur = files.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &files);
+    for (int i = 0; i < count; ++i) connect_tcp(bench.port());
+    for (;;) pause();
+  }
+  ~Crowd() {
+    kill(child_, SIGKILL);
+    waitpid(child_, nullptr, 0);
+  }
+  Crowd(const Crowd&) = delete;
+  Crowd& operator=(const Crowd&) = delete;
+
+ private:
+  pid_t child_;
+};
+
+TEST(NetStops, StrangersNeverTakeAllDescriptors) {
+  rlimit usual{};
+  getrlimit(RLIMIT_NOFILE, &usual);
+  for (const rlim_t few : {256, 100}) {  // with 100 there are fewer than the places need
+    SCOPED_TRACE(few);
+    rlimit files = usual;
+    files.rlim_cur = few;
+    ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &files), 0);
+    {
+      Bench bench;
+      const Crowd crowd(bench, 400);
+      std::this_thread::sleep_for(500ms);
+      for (int i = 0; i < 20; ++i) {
+        const auto begin = Clock::now();
+        EXPECT_EQ(http(bench, {.body = call("stop", 1).dump()}).status, 200);
+        EXPECT_LT(Clock::now() - begin, 500ms);
+      }
+      const int file = open(bench.folder.c_str(), O_RDONLY | O_CLOEXEC);
+      EXPECT_GE(file, 0) << "and some are left for files";
+      close(file);
+    }
+    setrlimit(RLIMIT_NOFILE, &usual);
+  }
 }
 
 }  // namespace
