@@ -124,8 +124,7 @@ void grade(const ForwardSelection& found, const SelectionOptions& options, doubl
     out.probability_unknown = something;
     return;
   }
-  const double missed = (1 - share) / (1 - options.material_share);
-  const double unknown = logistic(options.sufficiency_power * std::log(std::max(1e-3, missed)));
+  const double unknown = probability_of_unknown(share, options);
   out.probability_unknown = something * unknown;
   out.trials.clear();
   double sum = 0;
@@ -212,6 +211,11 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
     out.verdict = named > options.confident ? Verdict::named : Verdict::ambiguous;
   }
   return out;
+}
+
+double probability_of_unknown(double share, const SelectionOptions& options) {
+  const double missed = (1 - share) / (1 - options.material_share);
+  return logistic(options.sufficiency_power * std::log(std::max(1e-3, missed)));
 }
 
 double interval_inflation(const Fit& fit, const SelectionOptions& options) {

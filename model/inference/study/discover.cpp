@@ -38,26 +38,39 @@ struct Session {
   int threads = threads_of(options);
   Clock::time_point begin = Clock::now();
   Discovery out;
+  std::vector<RecordingData> data;  // as a choice of pasts sees the recordings
   std::vector<BenchRecording> bench;
   std::vector<std::vector<NoiseModel>> noise;
   std::vector<std::size_t> train, held_out;
 };
 
-// Gives recordings that name no past the likeliest one under the model. Poled towards + is presumed, as the
+// Recordings that name no past get the likeliest one under the model. Poled towards + is presumed, as the
 // simulator does.
 void choose_unknown_pasts(const Model& base, std::vector<NamedRecording>& recordings, Session& s) {
-  std::vector<RecordingData> data;
-  data.reserve(recordings.size());
-  for (const auto& r : recordings) data.push_back(prepare(r.recording));
-  const PastChoice choice{.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true},
-                          .heights_are_free = true,
-                          .presumed = protocols::Past{protocols::PastKind::poled_plus}};
-  const auto pasts = choose_pasts({&base, 1}, data, choice);
+  for (const auto& r : recordings) s.data.push_back(prepare(r.recording));
+  const auto pasts = choose_pasts({&base, 1}, s.data,
+                                  {.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true},
+                                   .heights_are_free = true,
+                                   .presumed = protocols::Past{protocols::PastKind::poled_plus}});
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     auto& past = recordings[i].recording.header.past;
     s.out.pasts.push_back({recordings[i].name, pasts[i], !past.known()});
     past = pasts[i];
   }
+}
+
+// Again under a model that was recalibrated; whether any is another one.
+bool choose_pasts_again(const Model& model, Session& s) {
+  const auto pasts = choose_pasts(
+      {&model, 1}, s.data,
+      {.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true}});
+  bool out = false;
+  for (std::size_t i = 0; i < s.bench.size(); ++i) {
+    if (!s.out.pasts[i].chosen || s.bench[i].header.past == pasts[i]) continue;
+    s.bench[i].header.past = s.out.pasts[i].past = pasts[i];
+    out = true;
+  }
+  return out;
 }
 
 // Where most is left in the channel whose model error is largest over its range, if that is material.
@@ -122,6 +135,28 @@ bool is_gross(const WhitenedRecordings& residuals, const Fit& fit) {
   });
 }
 
+// Verdict and explanations where effects were named beside the model's own error.
+void tell_named(const Improvement& found, const SelectionOptions& options, Discovery& out) {
+  double share = 1;
+  Explanation named;
+  for (const auto& a : found.added) {
+    share = std::min({share, a.share, a.share_held_out});
+    named.effects.push_back(a.term);
+  }
+  out.probability_unknown = probability_of_unknown(share, options);
+  out.probability_nothing = 0;
+  out.explanations.clear();
+  for (const auto& [effect, probability] : found.rivals) {
+    auto rival = named;
+    if (effect->id != named.effects.back().id) rival.effects.back() = {.id = std::string(effect->id), .parameters = {}};
+    rival.probability = probability * (1 - out.probability_unknown);
+    if (probability > options.least_probability) out.explanations.push_back(std::move(rival));
+  }
+  const bool first = found.rivals.front().first->id == named.effects.back().id;
+  out.verdict = first && found.rivals.front().second > options.confident ? Verdict::named : Verdict::ambiguous;
+  out.family = find_effect(named.effects.front().id).family;
+}
+
 // Whether the model's own error is more than this share of a channel's range anywhere.
 bool is_material(const WhitenedRecordings& residuals, const Fit& fit, double floor) {
   const auto left = left_by_channel(residuals, predict(residuals, fit.hypothesis, fit.z).standardized);
@@ -167,7 +202,9 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
                                    .candidates = candidates,
                                    .simulation = fine.simulation(),
                                    .threads = s.threads,
+                                   .material_share = s.options.selection.material_share,
                                    .floor = s.options.floor,
+                                   .choose_pasts = found.gross ? [&s](const Model& m) { return choose_pasts_again(m, s); } : std::function<bool(const Model&)>{},
                                    .tick = [&](const std::string& stage, double f) { s.tick(stage, 0.9 + 0.05 * f); }});
     if (found.gross || !narrowed.added.empty()) {
       after.hypothesis = narrowed.hypothesis;
@@ -179,7 +216,10 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
       out.recalibrated = recalibrations(fitted, s.options.selection);
       out.recalibrated_base = model_at(fitted, "Recalibrated beside its own error.");
     }
-    out.improved = model_at(after, "Recalibrated, with terms that narrow a gap that has no name.");
+    if (narrowed.named) tell_named(narrowed, s.options.selection, out);
+    out.improved = model_at(after, narrowed.named
+                                       ? "Recalibrated, with what was found missing."
+                                       : "Recalibrated, with terms that narrow a gap that has no name.");
   }
   if (s.train.size() > 1 && !out.explanations.empty()) {
     const auto without = leave_one_out_squares(coarse, fitted);

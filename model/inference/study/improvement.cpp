@@ -18,7 +18,10 @@ namespace {
 constexpr double least_gain = 10;
 // Of the locked recordings' excess a term has to take away at least this much, or it does not hold there.
 constexpr double least_share_held_out = 0.01;
-constexpr std::size_t most_effects = 6, refits = 4;
+// The integrated autocorrelation is what a constant sees. What parameters and terms do changes a few times along
+// a loop, where an error so correlated has about a quarter of that power.
+constexpr double along_a_loop = 0.25;
+constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
 // Rounds in which fit and error are made to agree with each other; both move little after two.
 constexpr int settling_rounds = 2;
 
@@ -35,13 +38,14 @@ class Improver {
     Place at{base, z};
     at.hypothesis.reach = 1;
     for (int i = 0; i < settling_rounds; ++i) settle(at);
+    for (int i = 0; i < settling_rounds && other_pasts(at); ++i) settle(at);
     out_.base = fit_;
     auto remaining = task_.candidates;
-    while (out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
+    demanded_ = task_.material_share;
+    while (out_.added.size() < most_named && material_ && add_effect(at, remaining)) {
     }
-    auto ports = empirical_terms();
-    while (material_ && add_empirical(at, ports)) {
-    }
+    out_.named = !out_.added.empty();
+    if (!out_.named) narrow(at, remaining);
     tell_values(at);
     out_.hypothesis = std::move(at.hypothesis);
     out_.z = std::move(at.z);
@@ -49,12 +53,26 @@ class Improver {
   }
 
  private:
+  void narrow(Place& at, std::vector<const Effect*>& remaining) {
+    demanded_ = least_share_held_out;
+    while (out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
+    }
+    auto ports = empirical_terms();
+    while (material_ && add_empirical(at, ports)) {
+    }
+    if (!out_.added.empty() && other_pasts(at)) settle(at);
+  }
+
   void tick(const std::string& stage) const {
     const double done = static_cast<double>(out_.added.size()) / (most_effects + 1);
     task_.tick(stage, done);
   }
   SolverOptions solver(int iterations, const std::string& stage) const {
     return {.iterations = iterations, .enough = 0.1, .tick = [this, stage] { tick(stage); }};
+  }
+
+  bool other_pasts(const Place& at) const {
+    return task_.choose_pasts && task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
   }
 
   // Measured less simulated over the noise.
@@ -94,8 +112,8 @@ class Improver {
         }
         const auto count = std::max<double>(1, static_cast<double>(rows.size()));
         n.model_error = n.std() * std::sqrt(std::max(0.0, squares) / count);
-        n.rows_as_one =
-            std::max(1.0, correlated_rows(Eigen::Map<const Eigen::VectorXd>(rows.data(), std::ssize(rows))));
+        n.rows_as_one = std::max(1.0, along_a_loop * correlated_rows(Eigen::Map<const Eigen::VectorXd>(
+                                                         rows.data(), std::ssize(rows))));
         of_range[m.channel].push_back(n.model_error / m.range);
       }
     for (const std::size_t r : recordings)
@@ -141,7 +159,7 @@ class Improver {
     at.z = fit_.z;
     if (getenv("FB_DEBUG")) {
       fprintf(stderr, "SETTLED squares %.2f samples %.1f domains %d tol %g excess %.3f/%.3f fresh %d predicted %.3f\n", fit_.squares, residuals_->samples(), coarse_.domains, coarse_.tolerance, excess(learned_, task_.train), excess(miss(at, task_.train), task_.train), fit_.fresh, fit_.predicted_decrease());
-      for (Eigen::Index i = 0; i < fit_.z.size(); ++i) fprintf(stderr, " %s %.2f", fit_.hypothesis.parameters[i].path.c_str(), fit_.z[i]);
+      for (Eigen::Index i = 0; i < fit_.z.size() && i < 20; ++i) fprintf(stderr, " %s %.2f", fit_.hypothesis.parameters[i].path.c_str(), fit_.z[i]);
       fprintf(stderr, "\n");
     }
   }
@@ -178,6 +196,15 @@ class Improver {
       tried.emplace_back(gained, std::move(f));
       effects.push_back(s.effect);
     }
+    std::vector<std::pair<const Effect*, double>> rivals;
+    double sum = 0;
+    for (std::size_t i = 0; i < tried.size(); ++i) {
+      const double best = std::ranges::max_element(tried, {}, [](const auto& t) { return t.first; })->first;
+      rivals.emplace_back(effects[i], std::exp(0.5 * (tried[i].first - best)));
+      sum += rivals.back().second;
+    }
+    for (auto& [effect, probability] : rivals) probability /= sum;
+    std::ranges::stable_sort(rivals, std::greater<>(), [](const auto& r) { return r.second; });
     while (!tried.empty()) {
       const auto best = std::ranges::max_element(tried, {}, [](const auto& t) { return t.first; });
       const auto which = best - tried.begin();
@@ -185,7 +212,10 @@ class Improver {
       Place next{best->second.hypothesis, best->second.z};
       const auto* effect = effects[static_cast<std::size_t>(which)];
       std::erase(remaining, effect);
-      if (accept(at, std::move(next), effect)) return true;
+      if (accept(at, std::move(next), effect)) {
+        out_.rivals = std::move(rivals);
+        return true;
+      }
       tried.erase(best);
       effects.erase(effects.begin() + which);
     }
@@ -315,6 +345,7 @@ class Improver {
     for (const auto* term : ports) tried.push_back(fit_empirical(at, *term));
     std::ranges::stable_sort(tried, std::greater<>(), &Tried::evidence);
     for (auto& t : tried) {
+      if (getenv("FB_DEBUG")) fprintf(stderr, "EVIDENCE %s %.2f\n", std::string(t.term->id).c_str(), t.evidence);
       if (t.evidence < least_gain) return false;
       std::erase(ports, t.term);
       if (accept(at, {std::move(t.fit.hypothesis), std::move(t.fit.z)}, t.term)) return true;
@@ -328,7 +359,8 @@ class Improver {
     };
     const double share = share_of(learned_, task_.train),
                  held = task_.held_out.empty() ? share : share_of(locked_, task_.held_out);
-    if (held < least_share_held_out) return false;
+    if (getenv("FB_DEBUG")) fprintf(stderr, "TRY %s share %.3f held %.3f\n", std::string(effect->id).c_str(), share, held);
+    if (std::min(share, held) < demanded_ && !(demanded_ < task_.material_share && held >= demanded_)) return false;
     at = std::move(next);
     out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
                           .empirical = effect->empirical,
@@ -374,6 +406,7 @@ class Improver {
   Fit fit_;
   Signals learned_, locked_;
   bool material_ = false;
+  double demanded_ = 1;  // share that a term has to take away
   Improvement out_;
 };
 
