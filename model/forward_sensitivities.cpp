@@ -290,7 +290,7 @@ void ForwardSensitivities::solved(const SolvedStep& step) {
   stepping_ = true;
 }
 
-void ForwardSensitivities::put(Part& part, const ChannelValues<Number>& seen, std::size_t row) {
+void ForwardSensitivities::put(Part& part, const Sensed<Number>& seen, std::size_t row) {
   const auto write = [&](std::span<double> to, const Number& from) {
     if (!to.empty())
       std::copy_n(from.tangent.begin(), part.count,
