@@ -5,6 +5,7 @@
 #include <map>
 
 #include "model/model_fields.h"
+#include "model/wide_surroundings.h"
 
 namespace ferrobench::model {
 namespace {
@@ -291,7 +292,7 @@ void ForwardSensitivities::solved(const SolvedStep& step) {
   stepping_ = true;
 }
 
-void ForwardSensitivities::put(Part& part, const ChannelValues<Number>& seen, std::size_t row) {
+void ForwardSensitivities::put(Part& part, const Sensed<Number>& seen, std::size_t row) {
   const auto write = [&](std::span<double> to, const Number& from) {
     if (!to.empty())
       std::copy_n(from.tangent.begin(), part.count,
@@ -304,20 +305,23 @@ void ForwardSensitivities::put(Part& part, const ChannelValues<Number>& seen, st
 }
 
 void ForwardSensitivities::sense_at(double time, std::size_t row) {
+  Sensed<Number> seen;
   for (auto& part : parts_) {
     if (!stepping_) {
-      put(*part, part->around.sense(part->around.now(), 0), first_row_ + row);
-      continue;
+      wide::sense(part->around, part->around.now(), 0, seen);
+    } else {
+      const auto& trial = part->trial;
+      const Number since = std::clamp<Number>(time - part->around.material.time, 0, trial.h);
+      wide::sense(part->around, trial, since, seen);
     }
-    const auto& trial = part->trial;
-    const Number since = std::clamp<Number>(time - part->around.material.time, 0, trial.h);
-    put(*part, part->around.sense(trial, since), first_row_ + row);
+    put(*part, seen, first_row_ + row);
   }
 }
 
 void ForwardSensitivities::sense_within(double share) {
+  Sensed<Number> seen;
   for (auto& part : parts_)
-    part->around.sense(part->trial, share < 1 ? share * part->trial.h : part->trial.h);
+    wide::sense(part->around, part->trial, share < 1 ? share * part->trial.h : part->trial.h, seen);
 }
 
 void ForwardSensitivities::accepted() {

@@ -53,7 +53,7 @@ class ForwardSensitivities final : public StepObserver {
   static Causes causes_of(const Part& part, std::size_t direction);
   void take_means(Part& part, const Means& means);
   static LoadTangents end_trial(Part& part);
-  void put(Part& part, const ChannelValues<Number>& seen, std::size_t row);
+  void put(Part& part, const Sensed<Number>& seen, std::size_t row);
 
   Simulator::State& state_;
   DriveDirections drive_;

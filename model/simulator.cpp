@@ -21,6 +21,21 @@ constexpr double late_at_the_end = 1.0 / 24;
 // not the coupling's tolerance.
 constexpr Coupling::Accuracy tight{.exact = 1e-14, .good_enough = 1e-6, .evaluations = 40};
 
+void put(const Sensed<double>& seen, std::size_t row, const ChannelSpans& out) {
+  const auto write = [row](std::span<double> column, double value) {
+    if (!column.empty()) column[row] = value;
+  };
+  write(out.field, seen.field);
+  write(out.charge, seen.charge);
+  write(out.displacement, seen.displacement);
+  write(out.force, seen.force);
+  write(out.polarization, seen.polarization);
+  write(out.stress, seen.stress);
+  write(out.strain, seen.strain);
+  write(out.fraction_plus, seen.fraction_plus);
+  write(out.fraction_minus, seen.fraction_minus);
+}
+
 }  // namespace
 
 Simulator::State::State(Model given, const SimulationOptions& given_options, const StepPlan* plan)
@@ -58,11 +73,13 @@ void Simulator::State::start(double field, const Fractions& fractions, double ti
   means = kinetics->means();
   coupling.reset();
   start_sensors();
+  begin_to_look_on();
   if (observer != nullptr) observer->start(field, fractions, time);
 }
 
 void Simulator::State::begin_recording() {
   Surroundings::begin_recording();
+  begin_to_look_on();
   // Steps and their error are those of the recording, but for how many were tried.
   statistics.steps = 0;
   squared_error = 0;
@@ -137,22 +154,20 @@ void Simulator::State::accept_step(Trial<double>& trial, const std::vector<std::
   statistics.time_error = std::sqrt(squared_error / std::max(1e-300, material.time));
 }
 
+void Simulator::State::begin_to_look_on() {
+  for (auto& onlooker : onlookers) begin_to_sense(onlooker.ports, there(now(), 0));
+}
+
 void Simulator::State::output(const Trial<double>& trial, double since, std::size_t row,
                               const ChannelSpans* out) {
-  const auto seen = sense(trial, since);
-  if (out == nullptr) return;
-  const auto put = [row](std::span<double> column, double value) {
-    if (!column.empty()) column[row] = value;
+  const auto unseen = there(trial, since);
+  const auto look = [&](Ports& through, const ChannelSpans& to, std::size_t at_row) {
+    auto seen = unseen;
+    pass_sensors(through, seen);
+    if (out != nullptr) put(seen, at_row, to);
   };
-  put(out->field, seen.field);
-  put(out->charge, seen.charge);
-  put(out->displacement, seen.displacement);
-  put(out->force, seen.force);
-  put(out->polarization, seen.polarization);
-  put(out->stress, seen.stress);
-  put(out->strain, seen.strain);
-  put(out->fraction_plus, seen.fraction_plus);
-  put(out->fraction_minus, seen.fraction_minus);
+  look(ports, out != nullptr ? *out : ChannelSpans{}, row);
+  for (auto& onlooker : onlookers) look(onlooker.ports, onlooker.out, first_row + row);
 }
 
 void Simulator::State::sense_step(const Trial<double>& trial, std::span<const double> times,
@@ -161,7 +176,9 @@ void Simulator::State::sense_step(const Trial<double>& trial, std::span<const do
   // The last time of a piece may miss its end by rounding.
   const double slack = 1e-12 * std::max(1.0, std::abs(piece_end));
   // Sensors take what they see as linear from one time to the next, which a whole step of switching is not.
-  const bool sensors = has_sensors();
+  const bool sensors = has_sensors() || std::ranges::any_of(onlookers, [](const Onlooker& onlooker) {
+                         return senses(onlooker.ports);
+                       });
   constexpr int parts = 4;
   int part = 1;
   const auto look = [&](double since) {

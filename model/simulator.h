@@ -102,5 +102,12 @@ std::vector<std::size_t> corners(std::span<const double> time, std::span<const d
 SimulationStatistics simulate_at(const Model& model, std::span<const double> knot_time,
                                  std::span<const double> knot_field, std::span<const double> times,
                                  const ChannelSpans& out, const SimulationOptions& options = {});
+// The same for several models at once that differ in their sensors only, which the specimen does not feel:
+// one simulation, seen through the sensors of each.
+SimulationStatistics simulate_alike(std::span<const Model> models, std::span<const double> knot_time,
+                                    std::span<const double> knot_field, std::span<const double> times,
+                                    std::span<const ChannelSpans> out, const SimulationOptions& options = {});
+// The model that is the same for all that differ from it in their sensors only.
+Model without_sensors(Model model);
 
 }  // namespace ferrobench::model

@@ -34,6 +34,12 @@ class StepObserver {
   virtual void accepted() = 0;
 };
 
+// Sees the same specimen through sensors of its own.
+struct Onlooker {
+  Ports ports;
+  ChannelSpans out;
+};
+
 struct Simulator::State : Surroundings<double> {
   State(Model given, const SimulationOptions& given_options, const StepPlan* plan = nullptr);
 
@@ -49,6 +55,8 @@ struct Simulator::State : Surroundings<double> {
   SimulationStatistics statistics;
   double squared_error = 0;
   StepObserver* observer = nullptr;
+  std::vector<Onlooker> onlookers;
+  std::size_t first_row = 0;  // of the onlookers' output, in this call
   const StepPlan* followed = nullptr;
   std::size_t planned = 0;  // steps done of `followed`
   int cycles = 0;           // played of a past that is the program itself
@@ -70,6 +78,7 @@ struct Simulator::State : Surroundings<double> {
   WellEnds well_ends(double path) const;
   double step_error(const Trial<double>& trial, const WellEnds& ends) const;
   void accept_step(Trial<double>& trial, const std::vector<std::size_t>* slept);
+  void begin_to_look_on();
   void output(const Trial<double>& trial, double since, std::size_t row, const ChannelSpans* out);
   void sense_step(const Trial<double>& trial, std::span<const double> times, const ChannelSpans& out,
                   double piece_end);

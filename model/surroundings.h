@@ -33,12 +33,46 @@ struct Trial {
   T dissipation = 0;
 };
 
-// What is seen at one time; units as in ChannelSpans.
+// What is there, or is seen, at one time; units as in ChannelSpans.
 template <class T>
-struct ChannelValues {
+struct Sensed {
+  T time = 0;  // s
   T field = 0, charge = 0, displacement = 0, force = 0;
   T polarization = 0, strain = 0, stress = 0, fraction_plus = 0, fraction_minus = 0;
 };
+
+template <class T>
+bool senses(const PortsOf<T>& ports) {
+  return !ports.charge.empty() || !ports.displacement.empty() || !ports.force.empty();
+}
+
+// Puts in the place of what is there what its sensors make of it; before that, start(stage, its input).
+template <class T, class Start>
+void pass_sensors(PortsOf<T>& ports, Sensed<T>& there, Start&& start) {
+  SensorInput<T> in{there.time, there.charge, there.field};
+  const auto pass = [&](SensorStage<T>& stage) {
+    start(stage, in);
+    in.value = stage.update(in);
+  };
+  for (auto& stage : ports.charge) pass(*stage);
+  there.charge = in.value;
+  in.value = there.displacement;
+  for (auto& stage : ports.displacement) pass(*stage.stage);
+  there.displacement = in.value;
+  in.value = there.force;
+  for (auto& stage : ports.force) pass(*stage);
+  there.force = in.value;
+}
+template <class T>
+void pass_sensors(PortsOf<T>& ports, Sensed<T>& there) {
+  pass_sensors(ports, there, [](SensorStage<T>&, const SensorInput<T>&) {});
+}
+// Sensors that have seen nothing before, or nothing that counts; their clock begins at 0.
+template <class T>
+void begin_to_sense(PortsOf<T>& ports, Sensed<T> there) {
+  there.time = T(0);
+  pass_sensors(ports, there, [](SensorStage<T>& stage, const SensorInput<T>& in) { stage.start(in); });
+}
 
 template <class T>
 struct Surroundings {
@@ -98,28 +132,8 @@ struct Surroundings {
     start_sensors();
   }
 
-  void start_sensors() {
-    auto at = material;
-    const auto e = mechanics->propose(0, at);
-    SensorInput<T> in{0, charge(polarization(at, dissipation) + conducted), monitor};
-    for (auto& stage : ports.charge) {
-      stage->start(in);
-      in.value = stage->update(in);
-    }
-    in.value = e.displacement;
-    for (auto& stage : ports.displacement) {
-      stage.stage->start(in);
-      in.value = stage.stage->update(in);
-    }
-    in.value = e.force;
-    for (auto& stage : ports.force) {
-      stage->start(in);
-      in.value = stage->update(in);
-    }
-  }
-  bool has_sensors() const {
-    return !ports.charge.empty() || !ports.displacement.empty() || !ports.force.empty();
-  }
+  void start_sensors() { begin_to_sense(ports, there(now(), 0)); }
+  bool has_sensors() const { return senses(ports); }
 
   // A piece of commanded field as it comes out of the amplifier.
   std::vector<FieldPieceOf<T>> driven(const FieldPieceOf<T>& command) {
@@ -276,8 +290,8 @@ struct Surroundings {
     resistance_input = trial.resistance_input;
   }
 
-  // The channels at `since` seconds into the trial (from the last accepted state). Sensors remember it.
-  ChannelValues<T> sense(const Trial<T>& trial, const T& since) {
+  // What sensors would see at `since` seconds into the trial (from the last accepted state).
+  Sensed<T> there(const Trial<T>& trial, const T& since) const {
     const T u = trial.h > 0 ? since / trial.h : T(1);
     MaterialState<T> s = trial.end;
     s.time = material.time + since;
@@ -290,22 +304,24 @@ struct Surroundings {
     const T dissipated = dissipation + u * (trial.dissipation - dissipation);
     const T current = 0.5 * since * (conduction(material.field) + conduction(s.field));
 
-    ChannelValues<T> out;
+    Sensed<T> out;
+    out.time = s.time;
     out.field = monitor + u * (trial.monitor - monitor);
     out.polarization = polarization(s, dissipated);
-    SensorInput<T> in{s.time, charge(out.polarization + (conducted + current)), out.field};
-    for (auto& stage : ports.charge) in.value = stage->update(in);
-    out.charge = in.value;
-    in.value = e.displacement;
-    for (auto& stage : ports.displacement) in.value = stage.stage->update(in);
-    out.displacement = in.value;
-    in.value = e.force;
-    for (auto& stage : ports.force) in.value = stage->update(in);
-    out.force = in.value;
+    out.charge = charge(out.polarization + (conducted + current));
+    out.displacement = e.displacement;
+    out.force = e.force;
     out.strain = e.strain;
     out.stress = s.stress;
     out.fraction_plus = s.plus;
     out.fraction_minus = s.minus;
+    return out;
+  }
+
+  // The channels at that time. Sensors remember it.
+  Sensed<T> sense(const Trial<T>& trial, const T& since) {
+    auto out = there(trial, since);
+    pass_sensors(ports, out);
     return out;
   }
 };

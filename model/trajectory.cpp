@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/effects/catalogue.h"
 #include "model/past.h"
 #include "model/simulator_state.h"
 
@@ -119,6 +120,26 @@ SimulationStatistics simulate_at(const Model& model, std::span<const double> kno
                                  const ChannelSpans& out, const SimulationOptions& options) {
   Simulator::State state(model, options);
   play_knots(state, knot_time, knot_field, times, out);
+  return state.statistics;
+}
+
+Model without_sensors(Model model) {
+  std::erase_if(model.effects, [](const auto& e) { return is_sensor(find_effect(e.id).family); });
+  return model;
+}
+
+SimulationStatistics simulate_alike(std::span<const Model> models, std::span<const double> knot_time,
+                                    std::span<const double> knot_field, std::span<const double> times,
+                                    std::span<const ChannelSpans> out, const SimulationOptions& options) {
+  if (models.size() == 1)
+    return simulate_at(models.front(), knot_time, knot_field, times, out.front(), options);
+  Simulator::State state(without_sensors(models.front()), options);
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    auto sensors = models[i];
+    std::erase_if(sensors.effects, [](const auto& e) { return !is_sensor(find_effect(e.id).family); });
+    install_effects(sensors, state.onlookers.emplace_back(Ports{}, out[i]).ports);
+  }
+  play_knots(state, knot_time, knot_field, times, {}, [&](std::size_t done) { state.first_row = done; });
   return state.statistics;
 }
 

@@ -13,13 +13,13 @@
 
 namespace ferrobench::model {
 
-// Parameters that one DualNumber carries: the more, the seldomer the values are computed again; few enough
-// that little is carried in vain.
-inline constexpr std::size_t parameter_directions = 12;
+// Parameters that one DualNumber carries: as many as a model that is fitted to recordings has (16 to 20), so
+// that the values are computed once.
+inline constexpr std::size_t parameter_directions = 20;
 // The unknowns at a step's end, and one of equations within that.
-inline constexpr std::size_t field_direction = 12, stress_direction = 13, bend_direction = 14,
-                             implicit_direction = 15;
-using DualNumber = Dual<16>;
+inline constexpr std::size_t field_direction = 20, stress_direction = 21, bend_direction = 22,
+                             implicit_direction = 23;
+using DualNumber = Dual<24>;
 
 template <class T>
 T unknown(double value, std::size_t direction) {

@@ -72,7 +72,8 @@ class Mechanics {
   T friction(const T& extension) const;
   T strain_apart_from_stress(const T& h, const MaterialState<T>& s) const;
   Equilibrium<T> linear(const T& h, const MaterialState<T>& s) const;
-  Equilibrium<T> general(const T& h, MaterialState<T>& end) const;
+  // On its own, so that those who take all of propose() into themselves do not become too large.
+  [[gnu::noinline]] Equilibrium<T> general(const T& h, MaterialState<T>& end) const;
   Equilibrium<T> by_newton(const T& h, MaterialState<T>& end) const;
   // Fills in all that follows from this stress, and gives the force that is missing for balance, Pa.
   T unbalanced(const T& h, const T& stress, MaterialState<T>& end, Equilibrium<T>& out) const;

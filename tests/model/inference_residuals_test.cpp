@@ -104,5 +104,26 @@ TEST(SlopesOfResiduals, AreNotHadWhereTheModelCannotBeSolved) {
   EXPECT_FALSE(residuals.of.slopes(hypothesis, prior_mean(hypothesis)));
 }
 
+// Those that differ in sensors and gains share a simulation, and others do not.
+TEST(Residuals, AtSeveralPlacesAreThoseAtEach) {
+  const Residuals residuals(true);
+  const auto base = base_hypothesis(sprung(), residuals.bench);
+  const auto lag = with_effect(base, find_effect("displacement_lag"), {1e-3}),
+             creep = with_effect(base, find_effect("load_cell_creep"), {0.01, 0.1}),
+             slow = with_effect(base, find_effect("amplifier_lag"), {1e-3});
+  auto louder = prior_mean(base);
+  louder.tail(1).array() += 1;
+  ASSERT_TRUE(base.parameters.back().path.starts_with("gain."));
+  const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places{{&base, prior_mean(base)},
+                                                                          {&slow, prior_mean(slow)},
+                                                                          {&lag, prior_mean(lag)},
+                                                                          {&base, louder},
+                                                                          {&creep, prior_mean(creep)}};
+  const auto together = residuals.of.evaluate(places);
+  EXPECT_EQ(residuals.of.simulations(), 2);
+  for (std::size_t i = 0; i < places.size(); ++i)
+    EXPECT_EQ(together[i], residuals.of.evaluate(*places[i].first, places[i].second)) << i;
+}
+
 }  // namespace
 }  // namespace ferrobench::model::inference

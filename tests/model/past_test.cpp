@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
+
 #include "model/gradient_check.h"
 #include "model/sensitivities.h"
 #include "tests/model/random_models.h"
@@ -235,6 +238,42 @@ TEST(Past, ValuesAreTheSameBitsWithSlopes) {
         simulate_with_slopes(model, wanted, knot_time, knot_field, t, out, wanted_slopes, options).steps,
         plain.statistics.steps);
     EXPECT_EQ(plain.displacement, beside);
+  }
+}
+
+// One simulation, seen through the sensors of each, gives what each gives alone, after a past as well.
+TEST(Sensors, OfModelsThatAreAlikeSeeTheSameBitsTogether) {
+  std::vector<Model> models{polycrystal()};
+  for (const auto& effect : effect_catalogue()) {
+    if (!is_sensor(effect.family)) continue;
+    auto& setting = models.emplace_back(polycrystal()).effects.emplace_back();
+    setting.id = effect.id;
+    for (const auto& p : effect.parameters)
+      setting.parameters.emplace_back(p.name, std::sqrt(p.low * p.high));
+  }
+  ASSERT_GT(models.size(), 8);
+  const auto t = times();
+  const auto into = [](std::array<std::vector<double>, 3>& columns) {
+    ChannelSpans spans;
+    spans.charge = columns[0];
+    spans.displacement = columns[1];
+    spans.force = columns[2];
+    return spans;
+  };
+  for (const auto& past : pasts()) {
+    const SimulationOptions options{.domains = 40, .past = &past};
+    std::vector<std::array<std::vector<double>, 3>> together(models.size());
+    std::vector<ChannelSpans> spans;
+    for (auto& columns : together) {
+      columns.fill(std::vector<double>(t.size()));
+      spans.push_back(into(columns));
+    }
+    const auto steps = simulate_alike(models, knot_time, knot_field, t, spans, options).steps;
+    for (std::size_t i = 0; i < models.size(); ++i) {
+      auto alone = together[i];
+      EXPECT_EQ(simulate_at(models[i], knot_time, knot_field, t, into(alone), options).steps, steps);
+      EXPECT_EQ(alone, together[i]) << (i > 0 ? models[i].effects[0].id : "none");
+    }
   }
 }
 

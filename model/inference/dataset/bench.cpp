@@ -214,10 +214,21 @@ SimulationOptions after_past(const BenchRecording& r, SimulationOptions options)
 std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& r,
                                                 const SimulationOptions& options,
                                                 SimulationStatistics* statistics) {
-  ChannelSpans spans;
-  auto out = room_for(r, r.time.size(), spans);
-  const auto took = simulate_at(model_for(model, r.header), r.knot_time, r.knot_field, r.time, spans,
-                                after_past(r, options));
+  return std::move(simulate_bench(std::span(&model, 1), r, options, statistics).front());
+}
+
+std::vector<std::vector<std::vector<double>>> simulate_bench(std::span<const Model> models,
+                                                             const BenchRecording& r,
+                                                             const SimulationOptions& options,
+                                                             SimulationStatistics* statistics) {
+  std::vector<std::vector<std::vector<double>>> out;
+  std::vector<ChannelSpans> spans(models.size());
+  std::vector<Model> here;
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    here.push_back(model_for(models[i], r.header));
+    out.push_back(room_for(r, r.time.size(), spans[i]));
+  }
+  const auto took = simulate_alike(here, r.knot_time, r.knot_field, r.time, spans, after_past(r, options));
   if (statistics != nullptr) *statistics = took;
   return out;
 }

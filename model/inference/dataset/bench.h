@@ -71,6 +71,11 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
 std::vector<std::vector<double>> simulate_bench(const Model& model, const BenchRecording& recording,
                                                 const SimulationOptions& options,
                                                 SimulationStatistics* statistics = nullptr);
+// The same, of several models that differ in their sensors only.
+std::vector<std::vector<std::vector<double>>> simulate_bench(std::span<const Model> models,
+                                                             const BenchRecording& recording,
+                                                             const SimulationOptions& options,
+                                                             SimulationStatistics* statistics = nullptr);
 // The same with slopes by numbers of the model and by directions of the drive.
 struct BenchSlopes {
   std::vector<std::vector<double>> values;  // by channel, as above

@@ -93,11 +93,9 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
   const auto driven_by_field = [](const BenchRecording& r) { return !r.has_command; };
   for (const auto channel : compared_channels)
     if (any([channel](const BenchRecording& r) { return r.find(channel) != nullptr; }) ||
-        (channel == recordings::Channel::field && any(driven_by_field))) {
+        (channel == recordings::Channel::field && any(driven_by_field)))
       out.parameters.push_back(
           with_prior("gain." + std::string(recordings::channel_name(channel)), 1, gain_known_to));
-      out.parameters.back().scales_only = channel != recordings::Channel::field || !any(driven_by_field);
-    }
   if (any(driven_by_field)) {
     double low = 0, high = 0;
     for (const auto& r : bench)

@@ -25,7 +25,6 @@ struct ScaledParameter {
   bool logarithmic = true;
   bool prior = true;
   double low = 0, high = 0;  // of z
-  bool scales_only = false;  // a channel: the simulation is the same
 
   double value(double z) const;
   double slope(double z) const;  // d value / dz

@@ -114,11 +114,14 @@ std::vector<double> WhitenedRecordings::limits(const EffectParameter& parameter)
   return out;
 }
 
-std::vector<std::vector<double>> WhitenedRecordings::channels(const Setting& setting,
-                                                              std::size_t recording) const {
-  const auto at = apply_setting(setting, bench_[recording]);
+std::vector<std::vector<std::vector<double>>> WhitenedRecordings::channels(
+    std::span<const Setting* const> alike, std::size_t recording) const {
+  const auto at = apply_setting(*alike.front(), bench_[recording]);
+  std::vector<Model> models;
+  models.reserve(alike.size());
+  for (const auto* setting : alike) models.push_back(setting->model);
   SimulationStatistics statistics;
-  auto out = simulate_bench(setting.model, at, bounded(recording), &statistics);
+  auto out = simulate_bench(models, at, bounded(recording), &statistics);
   if (reference_steps_[recording] == 0) reference_steps_[recording] = statistics.tried;
   return out;
 }
@@ -138,9 +141,12 @@ void WhitenedRecordings::finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> p
 
 void WhitenedRecordings::fill(std::span<const Wanted> alike, std::size_t position) const {
   const auto [first, last] = blocks_of_[position];
-  std::vector<std::vector<double>> simulated;
+  std::vector<const Setting*> settings;
+  settings.reserve(alike.size());
+  for (const auto& wanted : alike) settings.push_back(&wanted.setting);
+  std::vector<std::vector<std::vector<double>>> simulated;
   try {
-    simulated = channels(alike.front().setting, chosen_[position]);
+    simulated = channels(settings, chosen_[position]);
   } catch (const Error& e) {
     if (e.code() == ErrorCode::cancelled) throw;
     for (const auto& wanted : alike)
@@ -148,14 +154,16 @@ void WhitenedRecordings::fill(std::span<const Wanted> alike, std::size_t positio
         wanted.residual->segment(blocks_[b].begin, blocks_[b].count).setConstant(unsolvable);
     return;
   }
-  for (const auto& wanted : alike) {
+  for (std::size_t w = 0; w < alike.size(); ++w) {
+    const auto& wanted = alike[w];
     for (std::size_t b = first; b < last; ++b) {
       const auto& block = blocks_[b];
+      const auto& values = simulated[w][block.channel];
       const auto& measured = bench_[block.recording].channels[block.channel];
       const double gain = gain_of(wanted.setting, measured.channel);
       auto part = wanted.residual->segment(block.begin, block.count);
       for (std::size_t i = 0; i < block.rows.size(); ++i) {
-        const double miss = measured.value[block.rows[i]] - gain * simulated[block.channel][block.rows[i]];
+        const double miss = measured.value[block.rows[i]] - gain * values[block.rows[i]];
         part[static_cast<Eigen::Index>(i)] = std::isfinite(miss) ? miss : 0;
       }
       finish(b, part);
@@ -235,7 +243,8 @@ std::vector<std::vector<double>> WhitenedRecordings::simulated(const Hypothesis&
                                                                std::size_t recording,
                                                                const BenchRecording* drive) const {
   const auto setting = setting_at(hypothesis, z);
-  auto out = drive == nullptr ? channels(setting, recording)
+  const Setting* const alone = &setting;
+  auto out = drive == nullptr ? channels({&alone, 1}, recording).front()
                               : simulate_bench(setting.model, apply_setting(setting, *drive), simulation());
   for (std::size_t c = 0; c < out.size(); ++c) {
     const auto& m = bench_[recording].channels[c];

@@ -72,8 +72,9 @@ class WhitenedRecordings final : public WhitenedResiduals {
   std::vector<std::size_t> parts() const override;
   void fill(std::span<const Wanted> alike, std::size_t position) const override;
   void finish(std::size_t block, Eigen::Ref<Eigen::VectorXd> part) const;
-  std::vector<std::vector<double>> channels(const Setting& setting,
-                                            std::size_t recording) const;  // without gains
+  // Of settings that differ in gains and sensors only, without gains.
+  std::vector<std::vector<std::vector<double>>> channels(std::span<const Setting* const> alike,
+                                                         std::size_t recording) const;
   // The same with slopes (dataset/bench.h). Empty if it cannot be solved. `at` is the recording as the
   // setting has it.
   std::optional<BenchSlopes> channels_with_slopes(const Setting& setting, std::size_t recording,

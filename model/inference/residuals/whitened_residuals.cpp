@@ -7,15 +7,10 @@
 namespace ferrobench::model::inference {
 namespace {
 
-using Place = std::pair<const Hypothesis*, Eigen::VectorXd>;
-
-// One is the other with channels scaled.
-bool scaled(const Place& a, const Place& b) {
-  if (a.first != b.first) return false;
-  for (Eigen::Index i = 0; i < a.second.size(); ++i)
-    if (a.second[i] != b.second[i] && !a.first->parameters[static_cast<std::size_t>(i)].scales_only)
-      return false;
-  return true;
+// What a specimen feels of a setting: all but the sensors and the gains of what is compared. The first gain
+// is that of the field, which may be the drive.
+nlohmann::json felt(const Setting& s) {
+  return {to_json(without_sensors(s.model)), s.gain[0], s.field_offset, s.spring_factor, s.prestress_factor};
 }
 
 }  // namespace
@@ -24,6 +19,7 @@ std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
     const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const {
   std::vector<Eigen::VectorXd> out(places.size(), Eigen::VectorXd(size_));
   std::vector<std::vector<Wanted>> groups;
+  std::vector<nlohmann::json> felt_by;  // a group's settings
   for (std::size_t p = 0; p < places.size(); ++p) {
     auto setting = possible_setting(*places[p].first, places[p].second);
     if (!setting) {
@@ -31,12 +27,13 @@ std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
       continue;
     }
     Wanted wanted{p, *std::move(setting), &out[p]};
-    const auto alike = std::ranges::find_if(
-        groups, [&](const auto& group) { return scaled(places[group.front().place], places[p]); });
-    if (alike == groups.end())
-      groups.push_back({std::move(wanted)});
-    else
-      alike->push_back(std::move(wanted));
+    auto feels = places.size() > 1 ? felt(wanted.setting) : nlohmann::json();
+    const auto group = static_cast<std::size_t>(std::ranges::find(felt_by, feels) - felt_by.begin());
+    if (group == groups.size()) {
+      groups.emplace_back();
+      felt_by.push_back(std::move(feels));
+    }
+    groups[group].push_back(std::move(wanted));
   }
   const auto ordered = parts();
   in_parallel(groups.size() * ordered.size(), threads_,

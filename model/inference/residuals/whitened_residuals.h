@@ -74,7 +74,7 @@ class WhitenedResiduals {
     Setting setting;
     Eigen::VectorXd* residual = nullptr;
   };
-  // `alike`: settings that differ in gains only, so that one simulation does for all.
+  // `alike`: settings that differ in gains and sensors only, so that one simulation does for all.
   virtual void fill(std::span<const Wanted> alike, std::size_t part) const = 0;
   static constexpr double unsolvable = 1e6;
   Eigen::Index size_ = 0;

@@ -89,18 +89,18 @@ WhitenedResiduals::Times WhitenedTableCells::times() const {
 }
 
 void WhitenedTableCells::fill(std::span<const Wanted> alike, std::size_t) const {
-  std::vector<double> errors;
   auto options = simulation();
   options.most_steps = most_steps_of_a_run;
-  // A table's cells have no gains: those alike are the same.
-  try {
-    errors = errors_of(experiments_.simulate(alike.front().setting.model, options));
-  } catch (const Error& e) {
-    if (e.code() == ErrorCode::cancelled) throw;
-  }
-  for (const auto& wanted : alike)
+  for (const auto& wanted : alike) {
+    std::vector<double> errors;
+    try {
+      errors = errors_of(experiments_.simulate(wanted.setting.model, options));
+    } catch (const Error& e) {
+      if (e.code() == ErrorCode::cancelled) throw;
+    }
     for (std::size_t i = 0; i < chosen_.size(); ++i)
       (*wanted.residual)[static_cast<Eigen::Index>(i)] = errors.empty() ? unsolvable : -errors[chosen_[i]];
+  }
 }
 
 }  // namespace ferrobench::model::inference

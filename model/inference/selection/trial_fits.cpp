@@ -199,7 +199,7 @@ void TrialFits::polish(Trial& t, const std::function<void()>& in_between) const 
   auto converged = converge_fine_fidelity(fine_, t.fit.hypothesis, t.fit.z, task_.most_domains);
   t.numerical_error = converged.error;
   apply_fidelity_correction(coarse_, std::move(converged.residual), t.fit);
-  refresh_jacobian(coarse_, t.fit);
+  if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);
   t.drop = base_.squares - t.fit.squares;
   t.polished = true;
   if (task_.beyond_effects) {

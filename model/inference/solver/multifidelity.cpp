@@ -81,7 +81,7 @@ void refine(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit&
     if (gain > 0) f = std::move(next);
     if (gain < std::max(last_gain, last_share * f.squares)) break;
   }
-  refresh_jacobian(coarse, f);
+  if (!f.fresh) refresh_jacobian(coarse, f);
 }
 
 }  // namespace ferrobench::model::inference
