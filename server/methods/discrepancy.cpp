@@ -100,13 +100,15 @@ json discovery_schema() {
             object({{"recording", text()}, {"channel", text()}, {"segment", any()}, {"excess", number()}}))},
        {"recalibrated", map_of(object({{"from", number()}, {"to", number()}, {"std", number()}}))},
        {"gap", any_object("residual over noise, before and after")},
-       {"left", map_of(object({{"over_noise", number()}, {"of_range", number()}, {"model_error", number()}}))},
+       {"left",
+        map_of(object({{"over_noise", number()}, {"of_range", number()}, {"model_error", number()}}))},
        {"share", number("", "of the excess over noise that the explanation removes; 0 to 1")},
        {"share_held_out", number("", "likewise, on recordings that were locked away")},
        {"remainder", or_null(any_object("what is left, where it is material: family, channel, segment, "
                                         "of_range"))},
-       {"added", list_of(any_object("a term of the improved model: id, empirical, parameters, intervals, share, "
-                                    "share_held_out"))},
+       {"added",
+        list_of(any_object("a term of the improved model: id, empirical, parameters, intervals, share, "
+                           "share_held_out"))},
        {"pasts", list_of(any_object("of a recording, and whether it was chosen"))},
        {"model", any_object("the improved one")},
        {"findings", list_of(text(), "in sentences")}},

@@ -70,17 +70,6 @@ double rms(const model::ChannelFigures& figures) {
   return figures.empty() ? 0 : std::sqrt(sum / static_cast<double>(figures.size()));
 }
 
-// 1 - sum (after^2 - 1) / sum (before^2 - 1) over the channels, within 0 to 1; 0 if nothing is above noise.
-double share_removed(const model::Gap& gap) {
-  const auto excess = [](const model::ChannelFigures& figures) {
-    double sum = 0;
-    for (const auto& [channel, value] : figures) sum += value * value - 1;
-    return sum;
-  };
-  const double before = excess(gap.before);
-  return before > 0 ? std::clamp(1 - excess(gap.after) / before, 0.0, 1.0) : 0;
-}
-
 std::string joined(const std::set<std::string>& names) {
   std::string out;
   for (const auto& name : names) out += (out.empty() ? "" : "+") + name;
@@ -134,7 +123,7 @@ Outcome score(const Bench& b, const model::Discovery& d) {
   }
   o.before = rms(d.held_out.before);
   o.after = rms(d.held_out.after);
-  o.share_held_out = share_removed(d.held_out);
+  o.share_held_out = d.share_held_out;
   o.seconds = d.health.seconds;
   return o;
 }

@@ -127,6 +127,13 @@ TEST(Discrepancy, TheStory) {
   EXPECT_GT(found.held_out.before.at(Channel::displacement), 1.3);
   EXPECT_LT(found.held_out.after.at(Channel::displacement), 1.1);
 
+  EXPECT_GT(found.share, 0.9);
+  EXPECT_GT(found.share_held_out, 0.9);
+  EXPECT_FALSE(found.remainder);
+  ASSERT_EQ(found.added.size(), 1U);
+  EXPECT_EQ(found.added.front().term.id, "electrostriction");
+  for (const auto& past : found.pasts) EXPECT_EQ(past.past.kind, protocols::PastKind::poled_plus);
+
   // What was found is a model like any other, and explains the bench.
   const auto improved = model_from_json(to_json(found.improved));
   const auto again = discover(improved, recordings);
@@ -236,6 +243,40 @@ TEST(Discrepancy, WhatNoEffectExplainsIsUnknown) {
   }
   const auto found = discover(given(), recordings);
   EXPECT_EQ(found.verdict, Verdict::unknown) << text_report(found);
+}
+
+// The kinetics of a physics that is not the model's: rates that see a field with a play in it. It has no
+// name, so nothing is named, and the gap is narrowed on recordings that were locked away all the same.
+TEST(Discrepancy, WhatHasNoNameIsNarrowed) {
+  auto bench = given();
+  EffectSetting foreign{.id = "empirical_rate", .parameters = {}};
+  for (const auto& p : find_effect(foreign.id).parameters) foreign.parameters.emplace_back(p.name, 0);
+  const auto set = [&](std::string_view name, double value) {
+    for (auto& [own, to] : foreign.parameters)
+      if (own == name) to = value;
+  };
+  set("amplitude", 1e5);
+  set("field_scale", 2e6);
+  set("time_constant", 1);
+  set("field_1", -3);
+  set("field_3", 3);
+  set("field_5", -3);
+  set("field_7", 3);
+  set("lag_order", 2);
+  bench.effects.push_back(foreign);
+  const auto found = discover(given(), measure(bench));
+  EXPECT_EQ(found.verdict, Verdict::unknown) << text_report(found);
+  EXPECT_FALSE(found.added.empty());
+  EXPECT_GT(found.share_held_out, 0.5) << text_report(found);
+  EXPECT_NO_THROW(model_from_json(to_json(found.improved)));
+}
+
+TEST(Discrepancy, AFloorIsAShare) {
+  DiscoverOptions options;
+  for (const double floor : {0.0, 20.0, std::nan("")}) {
+    options.floor = floor;
+    EXPECT_THROW(discover(given(), {}, options), Error);
+  }
 }
 
 // What a base model needs is too coarse for an explanation that spreads its domains widely.

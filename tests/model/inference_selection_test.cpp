@@ -58,6 +58,40 @@ TEST(Verdict, NamesWhatIsPlausible) {
   EXPECT_EQ(judged(one(trial("prestress_relaxation", {-0.2, 10}, 0.1))).verdict, Verdict::named);
 }
 
+// Two effects of which neither is sufficient: of an excess of 100 above 100 of noise they leave these shares.
+ForwardSelection insufficient(double first, double second) {
+  ForwardSelection out;
+  out.detected = true;
+  out.excess = 100;  // mean square over 1
+  for (const auto& [id, left] :
+       {std::pair{"prestress_relaxation", first}, std::pair{"load_cell_creep", second}}) {
+    auto t = trial(id, {0.02, 10}, 0.1);
+    t.fit.residual = Eigen::VectorXd::Random(static_cast<Eigen::Index>(samples));
+    t.fit.squares = samples * (1 + 100 * left);
+    t.left = 1000;
+    out.trials.push_back(std::move(t));
+  }
+  return out;
+}
+
+// Where the model's own physics is a little off nothing is ever sufficient, and an effect that takes nearly
+// all of the gap is named all the same.
+TEST(Verdict, NamesWhatLeavesLittle) {
+  const auto forward = insufficient(0.05, 0.9);
+  const auto found = judged(forward);
+  EXPECT_EQ(found.verdict, Verdict::named);
+  EXPECT_EQ(found.trials.front().first->effects.front()->id, "prestress_relaxation");
+  EXPECT_LT(found.probability_unknown, 0.05);
+}
+
+TEST(Verdict, NamesNothingThatLeavesHalf) {
+  const auto forward = insufficient(0.5, 0.9);
+  const auto found = judged(forward);
+  EXPECT_EQ(found.verdict, Verdict::unknown);
+  EXPECT_GT(found.probability_unknown, 0.5);
+  EXPECT_NEAR(probability_of_unknown(options.material_share, options), 0.5, 1e-12);
+}
+
 TEST(Verdict, DoubtsWhatIsNotPlausible) {
   for (const double fraction : {0.72, -0.72, 0.001}) {
     const auto forward = one(trial("prestress_relaxation", {fraction, 10}, 0.1));

@@ -5,14 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/inference/report/discovery_pictures.h"
 #include "recordings/reports/html_page.h"
-#include "recordings/reports/plot.h"
 #include "recordings/reports/table.h"
 
 namespace ferrobench::model {
 namespace {
 
-using recordings::Channel;
 using recordings::escape_html;
 
 std::string readable(std::string_view id) {
@@ -132,6 +131,54 @@ struct Section {
   std::vector<std::string> lines;
 };
 
+std::vector<std::string> added_lines(const Discovery& d) {
+  std::vector<std::string> out;
+  const bool named = d.verdict == Verdict::named || d.verdict == Verdict::ambiguous;
+  if (!named && !d.added.empty())
+    out.emplace_back(
+        "Terms that narrow the gap and hold on recordings that were locked away. They do not say why it is "
+        "there.");
+  for (const auto& a : d.added) {
+    const auto& effect = find_effect(a.term.id);
+    out.push_back(fmt::format("{} ({}{}): {}", readable(a.term.id), a.empirical ? "empirical, " : "",
+                              family_name(effect.family), effect.equation));
+    if (a.share > 0 || a.share_held_out > 0)
+      out.push_back(
+          fmt::format("It takes {:.0f} % of the excess that stood before it, {:.0f} % on locked recordings.",
+                      100 * a.share, 100 * a.share_held_out));
+    if (a.empirical) continue;  // a table of weights: the model file has it
+    for (const auto& p : a.term.parameters) out.push_back(parameter_text(effect, p));
+  }
+  return out;
+}
+
+std::vector<std::string> left_lines(const Discovery& d) {
+  std::vector<std::string> out;
+  for (const auto& [channel, l] : d.left)
+    out.push_back(
+        fmt::format("{}: {:.2f} % of the range, {:.1f} times the noise; the model's own error is {:.2f} %.",
+                    recordings::channel_name(channel), 100 * l.of_range, l.over_noise, 100 * l.model_error));
+  if (!d.added.empty())
+    out.push_back(fmt::format("What was added takes {:.0f} % of the excess over noise{}.", 100 * d.share,
+                              d.held_out.recordings.empty()
+                                  ? ""
+                                  : fmt::format(", {:.0f} % on locked recordings", 100 * d.share_held_out)));
+  if (d.remainder)
+    out.push_back(
+        fmt::format("Something remains: {:.2f} % of the range of the {}, most of it in {}; it acts on: {}.",
+                    100 * d.remainder->of_range, recordings::channel_name(d.remainder->channel),
+                    d.remainder->segment, family_name(d.remainder->family)));
+  return out;
+}
+
+std::vector<std::string> past_lines(const Discovery& d) {
+  std::vector<std::string> out;
+  for (const auto& p : d.pasts)
+    if (p.chosen && p.past.kind != protocols::PastKind::poled_plus)
+      out.push_back(fmt::format("Before {} it was likeliest {}.", p.recording, protocols::in_words(p.past)));
+  return out;
+}
+
 std::vector<Section> sections(const Discovery& d) {
   std::vector<Section> out;
   out.push_back({"Verdict", {verdict_sentence(d)}});
@@ -147,16 +194,10 @@ std::vector<Section> sections(const Discovery& d) {
     }
     out.push_back(s);
   }
-  if (d.verdict == Verdict::named || d.verdict == Verdict::ambiguous) {
-    Section s{"What was added", {}};
-    for (const auto& e : d.explanations.front().effects) {
-      const auto& effect = find_effect(e.id);
-      s.lines.push_back(
-          fmt::format("{} ({}): {}", readable(e.id), family_name(effect.family), effect.equation));
-      for (const auto& p : e.parameters) s.lines.push_back(parameter_text(effect, p));
-    }
-    out.push_back(s);
-  }
+  if (auto lines = added_lines(d); !lines.empty()) out.push_back({"What was added", std::move(lines)});
+  out.push_back({"What is left", left_lines(d)});
+  if (auto lines = past_lines(d); !lines.empty())
+    out.push_back({"What the specimen had been through", std::move(lines)});
   Section proof{"Proof", {}};
   if (!d.held_out.recordings.empty())
     proof.lines.push_back(gap_sentence(
@@ -259,84 +300,6 @@ std::vector<recordings::Table> cell_tables(const Discovery& d) {
     row.insert(row.end(), {c.published.published, c.before, c.after, std::string(c.held_out ? "yes" : "")});
   }
   return out;
-}
-
-struct PictureAxis {
-  std::string label;
-  double scale = 1;
-};
-PictureAxis picture_axis(Channel channel) {
-  switch (channel) {
-    case Channel::charge:
-      return {"charge / uC", 1e6};
-    case Channel::displacement:
-      return {"displacement / um", 1e6};
-    case Channel::force:
-      return {"force / N", 1};
-    default:
-      return {"field / kV/mm", 1e-6};
-  }
-}
-
-recordings::Figure picture_of(const MissingSignal& signal) {
-  const auto axis = picture_axis(signal.channel);
-  recordings::Series s{.label = "would have to be added", .points = {}};
-  for (std::size_t i = 0; i < signal.time.size(); ++i)
-    s.points.push_back({signal.time[i], axis.scale * signal.value[i]});
-  return {.title = signal.recording + ": what is missing acts like this",
-          .x_label = "time / s",
-          .y_label = axis.label,
-          .log_x = false,
-          .square = false,
-          .series = {std::move(s)}};
-}
-
-std::string pictures(const Discovery& d) {
-  std::vector<recordings::Figure> figures;
-  for (const auto& signal : d.signals) figures.push_back(picture_of(signal));
-  for (const auto& t : d.traces) {
-    const auto axis = picture_axis(t.channel);
-    recordings::Figure f;
-    f.title = t.recording + (t.held_out ? ", locked away" : "") + ": " + t.segment;
-    f.x_label = "time / s";
-    f.y_label = axis.label;
-    const auto series = [&](const std::string& label, const std::vector<double>& values) {
-      recordings::Series s{.label = label, .points = {}};
-      for (std::size_t i = 0; i < values.size(); ++i) s.points.push_back({t.time[i], axis.scale * values[i]});
-      f.series.push_back(std::move(s));
-    };
-    series("measured", t.measured);
-    series("before", t.before);
-    const bool repaired = d.verdict == Verdict::named || d.verdict == Verdict::ambiguous;
-    if (repaired) series("after", t.after);
-    // The miss itself, which the curves hide where they are close.
-    recordings::Figure miss{.title = f.title + ": measured less model",
-                            .x_label = f.x_label,
-                            .y_label = f.y_label,
-                            .log_x = false,
-                            .square = false,
-                            .series = {}};
-    figures.push_back(std::move(f));
-    std::swap(f, miss);
-    const auto missed = [&](const std::string& label, const std::vector<double>& values) {
-      auto difference = t.measured;
-      for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= values[i];
-      series(label, difference);
-    };
-    missed("before", t.before);
-    if (repaired) missed("after", t.after);
-    figures.push_back(std::move(f));
-  }
-  if (figures.empty()) return "";
-  const auto drawing = recordings::draw(figures);
-  std::string out = "<h2>Where it matters most</h2>\n<div class=\"pair\">\n";
-  for (std::size_t i = 0; i < figures.size(); ++i)
-    out += "<figure><figcaption>" + escape_html(figures[i].title) + "</figcaption>" +
-           (drawing.problem.empty()
-                ? drawing.svg[i]
-                : "<p class=\"note\">No picture: " + escape_html(drawing.problem) + ".</p>") +
-           "</figure>\n";
-  return out + "</div>\n";
 }
 
 }  // namespace

@@ -20,9 +20,9 @@ struct MultistartOptions {
 };
 
 struct Multistart {
-  Fit fit;            // refined
-  int starts = 0;     // of the solver
-  double spread = 0;  // sum of squares of the best other start over that of the first, less 1
+  Fit fit;             // refined
+  int starts = 0;      // of the solver
+  double spread = 0;   // sum of squares of the best other start over that of the first, less 1
   bool ended = false;  // by is_enough
 };
 

@@ -29,8 +29,8 @@ constexpr int refinements = 8;
 // nearer than that is no likelier.
 constexpr double not_seen = 0.5;
 
-// A presumed past that leaves less than this of each channel's range, in percent, is not doubted: what a model
-// misses for other reasons is no less, while a start from the wrong side leaves 20 or more.
+// A presumed past that leaves less than this of each channel's range, in percent, is not doubted: what a
+// model misses for other reasons is no less, while a start from the wrong side leaves 20 or more.
 constexpr double little = 3;
 // The share of what the presumed past leaves that another one may leave to be believed.
 constexpr double much_less = 0.5;
@@ -85,7 +85,7 @@ class Judge {
     const double n = best->misfit.independent;
     const double floor = not_seen * not_seen * static_cast<double>(data_.columns.size());
     return *std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
-      return n * std::log(h.misfit.squares + floor) + h.numbers * std::log(n);
+      return n * std::log(h.misfit.squares + floor) + h.numbers * (std::log(n) - n * std::log(much_less));
     });
   }
 
@@ -180,7 +180,8 @@ std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const Re
       if (!known(i) && Judge(models, data[i], choice).contradicts_presumed()) contradicted = true;
     });
     if (!contradicted) {
-      for (std::size_t i = 0; i < data.size(); ++i) out[i] = known(i) ? data[i].header.past : *choice.presumed;
+      for (std::size_t i = 0; i < data.size(); ++i)
+        out[i] = known(i) ? data[i].header.past : *choice.presumed;
       return out;
     }
   }

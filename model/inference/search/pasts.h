@@ -30,9 +30,9 @@ struct FittedPast {
 struct PastChoice {
   Fidelity fidelity;
   bool heights_are_free = false;
-  bool cycled_alone = false;      // no other kind
-  // Taken for all, unless it leaves much of a recording where another past leaves less than half as much of the
-  // sum of squares: the model may be wrong in more than the past.
+  bool cycled_alone = false;  // no other kind
+  // Taken for all, unless it leaves much of a recording where another past leaves less than half as much of
+  // the sum of squares: the model may be wrong in more than the past.
   std::optional<protocols::Past> presumed{};
   std::function<void()> count{};  // before each simulation, from several threads; may throw
 };

@@ -57,11 +57,11 @@ struct SelectionOptions {
   double unfinished_decrease = 10;   // decrease is so many times too small to make that good.
   double reachable_remainder = 30;   // Further away than this no partner effect is looked for,
   double hopeless_remainder = 1000;  // and further than this nothing more is tried at all.
-  // Where nothing is sufficient, the model's own physics may be off by a little in all recordings. An effect is
-  // named all the same if it takes away at least this share of the excess over noise that stood before it: an
-  // effect of twice what the physics leaves takes 0.8, and what physics alone leaves is imitated by an effect
-  // to about a half.
-  double material_share = 0.65;
+  // Where nothing is sufficient, the model's own physics may be off by a little in all recordings. An effect
+  // is named all the same if it takes away at least this share of the excess over noise that stood before it:
+  // an effect of twice what the physics leaves takes 0.8, and what physics alone leaves is imitated by an
+  // effect to about a half.
+  double material_share = 0.7;
   // Explanations are compared with those near the top: within three times `second_detection`, or within this
   // share of the best one's drop.
   double comparable_share = 0.05;

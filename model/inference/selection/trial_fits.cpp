@@ -34,12 +34,7 @@ std::vector<double> effect_values(const Trial& t, std::size_t which) {
 
 TrialFits::TrialFits(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Fit& base,
                      const SelectionTask& task, const SelectionOptions& options)
-    : coarse_(coarse),
-      fine_(fine),
-      base_(base),
-      task_(task),
-      options_(options),
-      samples_(coarse.samples()) {}
+    : coarse_(coarse), fine_(fine), base_(base), task_(task), options_(options), samples_(coarse.samples()) {}
 
 void TrialFits::tick(const std::string& stage, double fraction) const {
   if (task_.tick) task_.tick(stage, fraction);

@@ -138,7 +138,7 @@ void grade(const ForwardSelection& found, const SelectionOptions& options, doubl
   for (auto& [t, w] : out.trials) w *= (something - out.probability_unknown) / sum;
   std::ranges::stable_sort(out.trials, std::greater<>(), [](const auto& p) { return p.second; });
   const double first = out.trials.front().second / (something - out.probability_unknown);
-  out.verdict = unknown > 0.5                ? Verdict::unknown
+  out.verdict = unknown > 0.5               ? Verdict::unknown
                 : first > options.confident ? Verdict::named
                                             : Verdict::ambiguous;
   if (out.verdict != Verdict::unknown) out.doubted = nullptr;
@@ -148,10 +148,6 @@ void grade(const ForwardSelection& found, const SelectionOptions& options, doubl
 
 ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples) {
   ModelSelection out;
-  if (getenv("FB_TRIALS")) {
-    fprintf(stderr, "TRIALS base %.1f n %.0f\n", (1 + found.excess) * samples, samples);
-    for (auto& t : found.trials) { std::string n; for (auto* e : t.effects) n += std::string(e->id) + " "; fprintf(stderr, "  %-50s sq %.1f share %.3f left %.1f allowed %.1f checked %d believable %d tau %.1f\n", n.c_str(), t.fit.squares, 1 - (t.fit.squares - samples) / (found.excess * samples), t.left, allowed_remainder(options, t.drop), t.checked, is_believable(t, options), t.fit.residual.size() ? correlated_rows(t.fit.residual) : 0.0); }
-  }
   if (!found.detected && has_lack_of_fit(found, options)) {
     // No effect of the catalogue would help, but this is not noise.
     out.verdict = Verdict::unknown;

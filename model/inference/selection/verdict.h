@@ -25,7 +25,8 @@ struct ModelSelection {
 // What it returns refers to `found`.
 ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples);
 
-// That the answer is something else, where the smallest share that an effect takes of the excess before it is this.
+// That the answer is something else, where the smallest share that an effect takes of the excess before it is
+// this.
 double probability_of_unknown(double share, const SelectionOptions& options);
 
 // The factor by which standard deviations are wider than noise alone has it: for what noise does not explain

@@ -36,9 +36,7 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
-    if ((coarse.evaluate(base, z) - exact).norm() <
-        coarse_error * std::sqrt(coarse.samples()))
-      break;
+    if ((coarse.evaluate(base, z) - exact).norm() < coarse_error * std::sqrt(coarse.samples())) break;
   }
   return error;
 }
@@ -56,8 +54,7 @@ ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothes
     const double squares = (fine.evaluate(hypothesis, z) - residual).squaredNorm() / 2;
     fine.simulate_by(simulation);
     if (squares < unnoticed || 2 * simulation.domains > most_domains)
-      return {std::move(residual),
-              std::sqrt(squares / std::max(1.0, fine.samples()))};
+      return {std::move(residual), std::sqrt(squares / std::max(1.0, fine.samples()))};
   }
 }
 

@@ -38,6 +38,7 @@ struct Session {
   int threads = threads_of(options);
   Clock::time_point begin = Clock::now();
   Discovery out;
+  bool presumed_past = true;        // of all that name none
   std::vector<RecordingData> data;  // as a choice of pasts sees the recordings
   std::vector<BenchRecording> bench;
   std::vector<std::vector<NoiseModel>> noise;
@@ -48,28 +49,48 @@ struct Session {
 // simulator does.
 void choose_unknown_pasts(const Model& base, std::vector<NamedRecording>& recordings, Session& s) {
   for (const auto& r : recordings) s.data.push_back(prepare(r.recording));
-  const auto pasts = choose_pasts({&base, 1}, s.data,
-                                  {.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true},
-                                   .heights_are_free = true,
-                                   .presumed = protocols::Past{protocols::PastKind::poled_plus}});
+  const auto pasts =
+      choose_pasts({&base, 1}, s.data,
+                   {.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true},
+                    .heights_are_free = true,
+                    .presumed = protocols::Past{protocols::PastKind::poled_plus}});
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     auto& past = recordings[i].recording.header.past;
     s.out.pasts.push_back({recordings[i].name, pasts[i], !past.known()});
+    s.presumed_past = s.presumed_past && (past.known() || pasts[i].kind == protocols::PastKind::poled_plus);
     past = pasts[i];
   }
 }
 
-// Again under a model that was recalibrated; whether any is another one.
-bool choose_pasts_again(const Model& model, Session& s) {
-  const auto pasts = choose_pasts(
-      {&model, 1}, s.data,
-      {.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true}});
-  bool out = false;
-  for (std::size_t i = 0; i < s.bench.size(); ++i) {
-    if (!s.out.pasts[i].chosen || s.bench[i].header.past == pasts[i]) continue;
-    s.bench[i].header.past = s.out.pasts[i].past = pasts[i];
-    out = true;
-  }
+// The likeliest ones under a model that was recalibrated.
+std::vector<protocols::Past> choose_pasts_again(const Model& model, const Session& s) {
+  // At a partial reversal fewer domains than these tell one past from another by the grain of their own sum.
+  constexpr SimulationOptions by{.tolerance = 1e-4, .domains = 500};
+  return choose_pasts({&model, 1}, s.data,
+                      {.fidelity = {.simulation = stoppable(by, s.options), .coarse = true}});
+}
+
+void set_pasts(Session& s, const std::vector<protocols::Past>& pasts) {
+  for (std::size_t i = 0; i < s.bench.size(); ++i)
+    if (s.out.pasts[i].chosen) s.bench[i].header.past = s.out.pasts[i].past = pasts[i];
+}
+
+// What narrowing a gap needs to know of this bench.
+ImprovementTask improvement_task(Session& s, const std::vector<const Effect*>& candidates,
+                                 const SimulationOptions& fine) {
+  ImprovementTask out{.bench = &s.bench,
+                      .noise = &s.noise,
+                      .train = s.train,
+                      .held_out = s.held_out,
+                      .candidates = candidates,
+                      .simulation = fine,
+                      .threads = s.threads,
+                      .material_share = s.options.selection.material_share,
+                      .floor = s.options.floor,
+                      .tick = [&s](const std::string& stage, double f) { s.tick(stage, 0.9 + 0.05 * f); }};
+  if (s.presumed_past) return out;
+  out.choose_pasts = [&s](const Model& m) { return choose_pasts_again(m, s); };
+  out.set_pasts = [&s](const std::vector<protocols::Past>& pasts) { set_pasts(s, pasts); };
   return out;
 }
 
@@ -130,9 +151,8 @@ LeaveOneOut leave_one_out(const WhitenedRecordings& coarse, const std::vector<do
 bool is_gross(const WhitenedRecordings& residuals, const Fit& fit) {
   constexpr double over_noise = 10, of_range = 0.02;
   const auto left = left_by_channel(residuals, predict(residuals, fit.hypothesis, fit.z).standardized);
-  return std::ranges::any_of(left, [](const auto& l) {
-    return l.second.over_noise > over_noise && l.second.of_range > of_range;
-  });
+  return std::ranges::any_of(
+      left, [](const auto& l) { return l.second.over_noise > over_noise && l.second.of_range > of_range; });
 }
 
 // Verdict and explanations where effects were named beside the model's own error.
@@ -148,13 +168,23 @@ void tell_named(const Improvement& found, const SelectionOptions& options, Disco
   out.explanations.clear();
   for (const auto& [effect, probability] : found.rivals) {
     auto rival = named;
-    if (effect->id != named.effects.back().id) rival.effects.back() = {.id = std::string(effect->id), .parameters = {}};
+    if (effect->id != named.effects.back().id)
+      rival.effects.back() = {.id = std::string(effect->id), .parameters = {}};
     rival.probability = probability * (1 - out.probability_unknown);
     if (probability > options.least_probability) out.explanations.push_back(std::move(rival));
   }
   const bool first = found.rivals.front().first->id == named.effects.back().id;
-  out.verdict = first && found.rivals.front().second > options.confident ? Verdict::named : Verdict::ambiguous;
+  out.verdict =
+      first && found.rivals.front().second > options.confident ? Verdict::named : Verdict::ambiguous;
   out.family = find_effect(named.effects.front().id).family;
+}
+
+// Residual and slopes where a fit stands, by noise alone.
+void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
+  fit.fidelity_correction.resize(0);
+  fit.residual = residuals.evaluate(fit.hypothesis, fit.z);
+  fit.squares = fit.residual.squaredNorm() + prior_squares(fit.hypothesis, fit.z);
+  refresh_jacobian(residuals, fit);
 }
 
 // Whether the model's own error is more than this share of a channel's range anywhere.
@@ -193,49 +223,41 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   auto& out = s.out;
   summarize(found, s.options.selection, out);
   Fit fitted = found.base, after = found.after();
-  if (out.verdict == Verdict::unknown && is_material(fine, fitted, s.options.floor)) {
-    auto narrowed = improve(hypothesis, found.gross ? prior_mean(hypothesis) : fitted.z,
-                                  {.bench = &s.bench,
-                                   .noise = &s.noise,
-                                   .train = s.train,
-                                   .held_out = s.held_out,
-                                   .candidates = candidates,
-                                   .simulation = fine.simulation(),
-                                   .threads = s.threads,
-                                   .material_share = s.options.selection.material_share,
-                                   .floor = s.options.floor,
-                                   .choose_pasts = found.gross ? [&s](const Model& m) { return choose_pasts_again(m, s); } : std::function<bool(const Model&)>{},
-                                   .tick = [&](const std::string& stage, double f) { s.tick(stage, 0.9 + 0.05 * f); }});
-    if (found.gross || !narrowed.added.empty()) {
-      after.hypothesis = narrowed.hypothesis;
-      after.z = narrowed.z;
-    }
-    out.added = narrowed.added;
-    if (found.gross) {
-      fitted = std::move(narrowed.base);
-      out.recalibrated = recalibrations(fitted, s.options.selection);
-      out.recalibrated_base = model_at(fitted, "Recalibrated beside its own error.");
-    }
-    if (narrowed.named) tell_named(narrowed, s.options.selection, out);
-    out.improved = model_at(after, narrowed.named
-                                       ? "Recalibrated, with what was found missing."
-                                       : "Recalibrated, with terms that narrow a gap that has no name.");
-  }
   if (s.train.size() > 1 && !out.explanations.empty()) {
     const auto without = leave_one_out_squares(coarse, fitted);
     for (std::size_t i = 0; i < out.explanations.size(); ++i)
       out.explanations[i].leave_one_out =
           leave_one_out(coarse, without, found.selection.trials[i].first->fit);
   }
-  if (out.verdict == Verdict::unknown) {
-    const auto explained = fit_residual_basis(coarse, fitted);
-    out.family = explained.family;
-    if (!found.gross) out.signals = reconstruct_signals(coarse, fitted, explained);
-  }
   if (const auto& rivals = found.selection.trials; out.verdict == Verdict::ambiguous && rivals.size() > 1) {
     s.tick("looking for the experiment that would decide", 0.91);
     out.next_experiment =
         choose_experiment(coarse, s.noise, rivals[0].first->fit, rivals[1].first->fit, s.options.selection);
+  }
+  if (out.verdict == Verdict::unknown && is_material(fine, fitted, s.options.floor)) {
+    auto narrowed = improve(hypothesis, found.gross ? prior_mean(hypothesis) : fitted.z,
+                            improvement_task(s, candidates, fine.simulation()));
+    if (found.gross || !narrowed.added.empty()) {
+      after.hypothesis = narrowed.hypothesis;
+      after.z = narrowed.z;
+      stand_at(coarse, after);
+    }
+    out.added = narrowed.added;
+    if (found.gross) {
+      fitted = std::move(narrowed.base);
+      out.recalibrated = recalibrations(fitted, s.options.selection);
+      out.recalibrated_base = model_at(fitted, "Recalibrated beside its own error.");
+      stand_at(coarse, fitted);
+    }
+    if (narrowed.named) tell_named(narrowed, s.options.selection, out);
+    out.improved =
+        model_at(after, narrowed.named ? "Recalibrated, with what was found missing."
+                                       : "Recalibrated, with terms that narrow a gap that has no name.");
+  }
+  if (out.verdict == Verdict::unknown) {
+    const auto explained = fit_residual_basis(coarse, fitted);
+    out.family = explained.family;
+    out.signals = reconstruct_signals(coarse, fitted, explained);
   }
   s.tick("the proof", 0.95);
   std::set<std::size_t> unexplained_locked;
@@ -243,14 +265,14 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   const auto figures = [&](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
     return found.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f);
   };
-  const auto before_it = figures(fine, coarse, fitted), after_it = added ? figures(fine, coarse, after) : before_it;
+  const auto before_it = figures(fine, coarse, fitted),
+             after_it = added ? figures(fine, coarse, after) : before_it;
   out.where = excess_by_segment_class(fine, before_it.standardized);
   out.train.before = rms_by_channel(fine, before_it.standardized);
   out.train.after = rms_by_channel(fine, after_it.standardized);
   out.share = share_explained(before_it.standardized, after_it.standardized);
   out.left = left_by_channel(fine, after_it.standardized);
-  if (!found.gross) out.remainder =
-      remainder_of(s, coarse, after, excess_by_segment_class(fine, after_it.standardized));
+  out.remainder = remainder_of(s, coarse, after, excess_by_segment_class(fine, after_it.standardized));
   if (!s.held_out.empty()) {
     const WhitenedRecordings locked(s.bench, s.noise, s.held_out, fine.simulation(), s.threads);
     const WhitenedRecordings locked_coarse(s.bench, s.noise, s.held_out, coarse.simulation(), s.threads);

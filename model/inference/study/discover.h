@@ -48,8 +48,8 @@ struct Gap {
 struct Left {
   double over_noise = 0;
   double of_range = 0;     // 0.01: one percent of the range
-  double model_error = 0;  // standard deviation of the model's own error, over the range: what noise leaves of
-                           // the line above
+  double model_error = 0;  // standard deviation of the model's own error, over the range: what noise leaves
+                           // of the line above
 };
 
 // What is left where that is material: more than DiscoverOptions::floor of a channel's range.
@@ -114,10 +114,12 @@ struct Discovery {
   // After the explanation; where something of it is material, what that is.
   std::map<recordings::Channel, Left> left;
   std::optional<Remainder> remainder;
-  // Of the excess (sum of squares above that of the noise, all channels) that the base model leaves, the share
-  // that the improved one takes away, 0 to 1, on recordings that were learned from and on those that were not.
+  // Of the excess (sum of squares above that of the noise, all channels) that the base model leaves, the
+  // share that the improved one takes away, 0 to 1, on recordings that were learned from and on those that
+  // were not.
   double share = 0, share_held_out = 0;
-  // In the order in which they were added. Where the verdict is "unknown" they narrow the gap and name nothing.
+  // In the order in which they were added. Where the verdict is "unknown" they narrow the gap and name
+  // nothing.
   std::vector<AddedTerm> added;
   std::vector<FittedPast> pasts;  // as recorded or, where nothing was, as chosen
   std::vector<std::vector<std::string>> equivalent;

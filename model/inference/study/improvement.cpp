@@ -9,6 +9,7 @@
 #include "model/inference/selection/screening.h"
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/multifidelity.h"
+#include "model/inference/study/empirical_term.h"
 #include "recordings/analysis/statistics.h"
 
 namespace ferrobench::model::inference {
@@ -16,10 +17,11 @@ namespace {
 
 // Twice the logarithm of the odds that a term must earn beyond its numbers: 150 to 1.
 constexpr double least_gain = 10;
-// Of the locked recordings' excess a term has to take away at least this much, or it does not hold there.
-constexpr double least_share_held_out = 0.01;
-// The integrated autocorrelation is what a constant sees. What parameters and terms do changes a few times along
-// a loop, where an error so correlated has about a quarter of that power.
+// Shares of the excess that a term has to take away where nothing is named. A mechanism that does less is no
+// better than a table, and moves parameters that it has nothing to do with; a table has to hold.
+constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
+// The integrated autocorrelation is what a constant sees. What parameters and terms do changes a few times
+// along a loop, where an error so correlated has about a quarter of that power.
 constexpr double along_a_loop = 0.25;
 constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
 // Rounds in which fit and error are made to agree with each other; both move little after two.
@@ -45,7 +47,7 @@ class Improver {
     while (out_.added.size() < most_named && material_ && add_effect(at, remaining)) {
     }
     out_.named = !out_.added.empty();
-    if (!out_.named) narrow(at, remaining);
+    if (!out_.named) narrow(at);
     tell_values(at);
     out_.hypothesis = std::move(at.hypothesis);
     out_.z = std::move(at.z);
@@ -53,14 +55,36 @@ class Improver {
   }
 
  private:
-  void narrow(Place& at, std::vector<const Effect*>& remaining) {
-    demanded_ = least_share_held_out;
+  void narrow(Place& at) {
+    trust_instruments(at);
+    for (int i = 0; i < settling_rounds; ++i) settle(at);
+    out_.base = fit_;
+    auto remaining = task_.candidates;
+    demanded_ = least_share_of_effect;
     while (out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
     }
+    demanded_ = least_share_of_table;
     auto ports = empirical_terms();
     while (material_ && add_empirical(at, ports)) {
     }
     if (!out_.added.empty() && other_pasts(at)) settle(at);
+  }
+
+  // Gains and offsets are no part of a model that is handed on, and beside a model's own error nobody can
+  // tell that an instrument is off: then they are as stated.
+  static void trust_instruments(Place& at) {
+    auto& h = at.hypothesis;
+    std::vector<ScaledParameter> kept;
+    std::vector<double> z;
+    for (std::size_t i = 0; i < h.parameters.size(); ++i) {
+      const auto& path = h.parameters[i].path;
+      if (path.starts_with("gain.") || path.starts_with("offset.")) continue;
+      kept.push_back(h.parameters[i]);
+      z.push_back(at.z[static_cast<Eigen::Index>(i)]);
+    }
+    h.base_count -= h.parameters.size() - kept.size();
+    h.parameters = std::move(kept);
+    at.z = Eigen::Map<const Eigen::VectorXd>(z.data(), std::ssize(z));
   }
 
   void tick(const std::string& stage) const {
@@ -71,8 +95,28 @@ class Improver {
     return {.iterations = iterations, .enough = 0.1, .tick = [this, stage] { tick(stage); }};
   }
 
+  // Gives each recording another past if that is likelier where the model stands now; whether any has one.
   bool other_pasts(const Place& at) const {
-    return task_.choose_pasts && task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
+    if (!task_.choose_pasts) return false;
+    tick("choosing the specimen's past");
+    std::vector<protocols::Past> pasts;
+    std::vector<std::size_t> all;
+    for (std::size_t r = 0; r < task_.bench->size(); ++r) {
+      pasts.push_back((*task_.bench)[r].header.past);
+      all.push_back(r);
+    }
+    const auto others = task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
+    const auto before = miss(at, all);
+    task_.set_pasts(others);
+    const auto after = miss(at, all);
+    bool any = false;
+    for (const std::size_t r : all) {
+      if (!(excess({after[r]}, {r}) < excess({before[r]}, {r}))) continue;
+      any = any || pasts[r] != others[r];
+      pasts[r] = others[r];
+    }
+    task_.set_pasts(pasts);
+    return any;
   }
 
   // Measured less simulated over the noise.
@@ -95,8 +139,8 @@ class Improver {
   }
 
   // A model that is wrong is not equally wrong everywhere, so each channel of each recording has an error of
-  // its own: what noise leaves of its mean square. Else the few that cannot be explained at all would bend the
-  // parameters for all others. None is smaller than half of the channel's median over the range.
+  // its own: what noise leaves of its mean square. Else the few that cannot be explained at all would bend
+  // the parameters for all others. None is smaller than half of the channel's median over the range.
   void estimate_errors(const Signals& standardized, const std::vector<std::size_t>& recordings) {
     std::map<recordings::Channel, std::vector<double>> of_range;
     for (std::size_t i = 0; i < recordings.size(); ++i)
@@ -138,16 +182,8 @@ class Improver {
       return false;
     };
     material_ = std::ranges::any_of(task_.train, is_material);
-    if (getenv("FB_DEBUG")) {
-      for (std::size_t i = 0; i < task_.train.size() + task_.held_out.size(); ++i) {
-        bool tr = i < task_.train.size(); const auto r = tr ? task_.train[i] : task_.held_out[i - task_.train.size()];
-        const auto& sg = tr ? learned_[i] : locked_[i - task_.train.size()];
-        fprintf(stderr, "  %s%s", tr ? "" : "LOCKED ", (*task_.bench)[r].name.c_str());
-        for (std::size_t c = 0; c < sg.size(); ++c) { double q = 0; for (double v : sg[c]) if (v == v) q += v * v; fprintf(stderr, " %.4f", std::sqrt(q / sg[c].size()) * (*task_.noise)[r][c].std() / (*task_.bench)[r].channels[c].range); }
-        fprintf(stderr, "\n");
-      }
-    }
-    residuals_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
+    residuals_ =
+        std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
     if (!chosen_) {
       WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
       choose_fidelities(*residuals_, fine, at.hypothesis, simulation_.domains);
@@ -157,11 +193,6 @@ class Improver {
     fit_ = minimize(*residuals_, at.hypothesis, at.z, solver(12, "fitting beside the model's error"));
     refresh_jacobian(*residuals_, fit_);
     at.z = fit_.z;
-    if (getenv("FB_DEBUG")) {
-      fprintf(stderr, "SETTLED squares %.2f samples %.1f domains %d tol %g excess %.3f/%.3f fresh %d predicted %.3f\n", fit_.squares, residuals_->samples(), coarse_.domains, coarse_.tolerance, excess(learned_, task_.train), excess(miss(at, task_.train), task_.train), fit_.fresh, fit_.predicted_decrease());
-      for (Eigen::Index i = 0; i < fit_.z.size() && i < 20; ++i) fprintf(stderr, " %s %.2f", fit_.hypothesis.parameters[i].path.c_str(), fit_.z[i]);
-      fprintf(stderr, "\n");
-    }
   }
 
   // Twice the logarithm of the likelihood ratio, each error at its own estimate: the sum over channels of
@@ -181,9 +212,10 @@ class Improver {
 
   // The effect that makes the model likeliest, if any does and holds on the locked recordings.
   bool add_effect(Place& at, std::vector<const Effect*>& remaining) {
-    const auto screened = screen(*residuals_, fit_, {.effects = remaining, .rounds = 4, .tick = [this](double) {
-                                                       tick("trying every effect beside the model's error");
-                                                     }});
+    const auto screened =
+        screen(*residuals_, fit_, {.effects = remaining, .rounds = 4, .tick = [this](double) {
+                                     tick("trying every effect beside the model's error");
+                                   }});
     std::vector<std::pair<double, Fit>> tried;
     std::vector<const Effect*> effects;
     for (const auto& s : screened) {
@@ -191,7 +223,8 @@ class Improver {
       const auto hypothesis = with_effect(at.hypothesis, *s.effect, s.values);
       auto z = prior_mean(hypothesis);
       z.head(at.z.size()) = at.z;
-      auto f = minimize(*residuals_, hypothesis, z, solver(8, "refitting " + std::string(s.effect->id)), &fit_);
+      auto f =
+          minimize(*residuals_, hypothesis, z, solver(8, "refitting " + std::string(s.effect->id)), &fit_);
       const double gained = gain(f, static_cast<double>(s.effect->parameters.size()));
       tried.emplace_back(gained, std::move(f));
       effects.push_back(s.effect);
@@ -216,57 +249,11 @@ class Improver {
         out_.rivals = std::move(rivals);
         return true;
       }
+      if (demanded_ == task_.material_share) return false;
       tried.erase(best);
       effects.erase(effects.begin() + which);
     }
     return false;
-  }
-
-  // What a term of size 1 adds at its port: as much as the model misses of the channel that shows it, or a
-  // twentieth of the field. 0 where nothing was measured that would show it.
-  double amplitude_at(const Effect& term) const {
-    const auto error = [&](recordings::Channel channel) {
-      double out = 0;
-      for (const std::size_t r : task_.train)
-        for (std::size_t c = 0; c < noise_[r].size(); ++c)
-          if ((*task_.bench)[r].channels[c].channel == channel) out = std::max(out, noise_[r][c].model_error);
-      return out;
-    };
-    const auto& a = fit_.hypothesis.model.actuator;
-    switch (term.family) {
-      case Family::strain:
-        return error(recordings::Channel::displacement) / a.length;
-      case Family::polarization:
-        return error(recordings::Channel::charge) / (a.area * static_cast<double>(a.layer_count));
-      default:
-        return 0.05 * largest_field();
-    }
-  }
-  double largest_field() const {
-    double out = 0;
-    for (const auto& r : *task_.bench)
-      for (const double e : r.knot_field) out = std::max(out, std::abs(e));
-    return out;
-  }
-
-  // With the term, whose weights stand at zero and are known to be that small.
-  static Hypothesis with_empirical(const Hypothesis& h, const Effect& term, const std::vector<double>& fixed,
-                                   double width) {
-    auto out = h;
-    EffectSetting setting{.id = std::string(term.id), .parameters = {}};
-    for (std::size_t i = 0; i < term.parameters.size(); ++i) {
-      const auto& p = term.parameters[i];
-      setting.parameters.emplace_back(p.name, i < fixed.size() ? fixed[i] : 0);
-      if (i < fixed.size()) continue;
-      out.parameters.push_back({.path = "effects." + setting.id + "." + std::string(p.name),
-                                .from = 0,
-                                .scale = width,
-                                .logarithmic = false,
-                                .low = -farthest_weight,
-                                .high = farthest_weight});
-    }
-    out.model.effects.push_back(std::move(setting));
-    return out;
   }
 
   // 2 ln of the marginal likelihood over that without the term.
@@ -288,7 +275,7 @@ class Improver {
   // the marginal likelihood (D. J. C. MacKay, Neural Comput. 4 (1992) 415).
   Tried fit_empirical(const Place& at, const Effect& term) const {
     Tried best{.term = &term, .fit = {}};
-    const double amplitude = amplitude_at(term);
+    const double amplitude = term_amplitude(term, fit_.hypothesis.model, *task_.bench, task_.train, noise_);
     if (amplitude <= 0) return best;
     const bool remembers = term.parameters[2].unit == "s";
     const auto solve = [&](const std::vector<double>& fixed, double width, const Eigen::VectorXd& from) {
@@ -306,7 +293,7 @@ class Improver {
       best.evidence = e;
       return true;
     };
-    std::vector<double> fixed{amplitude, largest_field()};
+    std::vector<double> fixed{amplitude, largest_field(*task_.bench)};
     const auto [shortest, longest] = residuals_->times();
     if (remembers) {
       fixed.push_back(0);
@@ -332,20 +319,12 @@ class Improver {
     return best;
   }
 
-  static std::vector<const Effect*> empirical_terms() {
-    std::vector<const Effect*> out;
-    for (const auto& e : effect_catalogue())
-      if (e.empirical) out.push_back(&e);
-    return out;
-  }
-
   // The term at the port where the model becomes likeliest, if it holds on the locked recordings.
   bool add_empirical(Place& at, std::vector<const Effect*>& ports) {
     std::vector<Tried> tried;
     for (const auto* term : ports) tried.push_back(fit_empirical(at, *term));
     std::ranges::stable_sort(tried, std::greater<>(), &Tried::evidence);
     for (auto& t : tried) {
-      if (getenv("FB_DEBUG")) fprintf(stderr, "EVIDENCE %s %.2f\n", std::string(t.term->id).c_str(), t.evidence);
       if (t.evidence < least_gain) return false;
       std::erase(ports, t.term);
       if (accept(at, {std::move(t.fit.hypothesis), std::move(t.fit.z)}, t.term)) return true;
@@ -359,8 +338,7 @@ class Improver {
     };
     const double share = share_of(learned_, task_.train),
                  held = task_.held_out.empty() ? share : share_of(locked_, task_.held_out);
-    if (getenv("FB_DEBUG")) fprintf(stderr, "TRY %s share %.3f held %.3f\n", std::string(effect->id).c_str(), share, held);
-    if (std::min(share, held) < demanded_ && !(demanded_ < task_.material_share && held >= demanded_)) return false;
+    if (std::min(share, held) < demanded_) return false;
     at = std::move(next);
     out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
                           .empirical = effect->empirical,
@@ -384,7 +362,8 @@ class Improver {
           if (c.path != path) continue;
           const auto k = static_cast<Eigen::Index>(i);
           const double reach = interval_90 * std::sqrt(std::max(0.0, covariance(k, k)));
-          const double a = c.value(std::max(c.low, at.z[k] - reach)), b = c.value(std::min(c.high, at.z[k] + reach));
+          const double a = c.value(std::max(c.low, at.z[k] - reach)),
+                       b = c.value(std::min(c.high, at.z[k] + reach));
           told.low = std::min(a, b);
           told.high = std::max(a, b);
         }
@@ -393,8 +372,7 @@ class Improver {
     }
   }
 
-  static constexpr double interval_90 = 1.645;      // half of it, in standard deviations
-  static constexpr double farthest_weight = 12;  // in prior standard deviations
+  static constexpr double interval_90 = 1.645;  // half of it, in standard deviations
   static constexpr int width_rounds = 3;
   static constexpr double least_error = 1e-5;  // of the range: the likelihood needs one above zero
 
@@ -406,7 +384,8 @@ class Improver {
   Fit fit_;
   Signals learned_, locked_;
   bool material_ = false;
-  double demanded_ = 1;  // share that a term has to take away
+  double demanded_ =
+      1;  // share that a term has to take away, of what was learned from and of what was locked
   Improvement out_;
 };
 

@@ -1,7 +1,7 @@
-// A model that is wrong by more than noise. One or two effects are named if each takes a material share of what
-// stands before it, on recordings that were learned from and on those that were locked away. Where there is none the
-// gap is narrowed all the same: the base model gets terms, each of which must make it likelier and must hold on the
-// locked recordings, however little is known of why.
+// A model that is wrong by more than noise. One or two effects are named if each takes a material share of
+// what stands before it, on recordings that were learned from and on those that were locked away. Where there
+// is none the gap is narrowed all the same: the base model gets terms, each of which must make it likelier
+// and must hold on the locked recordings, however little is known of why.
 //
 // The model stays wrong by more than noise, so its own error is part of the likelihood (observation/noise.h),
 // estimated again after every term. With s_k the sum of squares that a model with k more numbers leaves of n
@@ -9,9 +9,9 @@
 //
 //   n ln(s_0 / s_k) - k ln(n) > least_gain
 //
-// Effects of the catalogue come first, then data-driven terms (model/effects/empirical.h) at the port where they
-// gain most; the weights of these have a normal prior, whose width, and the time constant of their memory, are
-// those of the largest marginal likelihood (Laplace's approximation).
+// Effects of the catalogue come first, then data-driven terms (model/effects/empirical.h) at the port where
+// they gain most; the weights of these have a normal prior, whose width, and the time constant of their
+// memory, are those of the largest marginal likelihood (Laplace's approximation).
 #pragma once
 
 #include <string>
@@ -29,10 +29,11 @@ struct ImprovementTask {
   SimulationOptions simulation;  // the fine one; what stops it is used in all
   int threads = 1;
   double material_share = 1;  // selection/selection_options.h
-  double floor = 0;  // of the range: an error below this is not worked on
-  // Chooses anew, under a recalibrated model, the pasts of recordings that name none, in the bench; whether any
-  // is another one. Null: none is to be chosen.
-  std::function<bool(const Model&)> choose_pasts{};
+  double floor = 0;           // of the range: an error below this is not worked on
+  // The pasts that are likeliest under a recalibrated model, in the bench's order, and what puts pasts into
+  // the bench. Null: none is to be chosen.
+  std::function<std::vector<protocols::Past>(const Model&)> choose_pasts{};
+  std::function<void(const std::vector<protocols::Past>&)> set_pasts{};
   std::function<void(const std::string& stage, double fraction)> tick;
 };
 
@@ -41,8 +42,8 @@ struct Improvement {
   Hypothesis hypothesis;
   Eigen::VectorXd z;
   std::vector<AddedTerm> added;  // with 90 % intervals
-  // Whether the terms are named, and then: effects that were tried in the place of the last one, itself among them,
-  // with their probabilities if it is one of these, most probable first.
+  // Whether the terms are named, and then: effects that were tried in the place of the last one, itself among
+  // them, with their probabilities if it is one of these, most probable first.
   bool named = false;
   std::vector<std::pair<const Effect*, double>> rivals;
 };

@@ -120,12 +120,11 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
   const auto& selection = options.selection;
   WorkflowResult out;
   out.samples = coarse.samples();
-  auto recalibrated =
-      fit_base(coarse, fine, base,
-               {.seed = options.seed,
-                .roughly_fitted = options.roughly_fitted,
-                .is_enough = options.is_gross,
-                .tick = options.tick});
+  auto recalibrated = fit_base(coarse, fine, base,
+                               {.seed = options.seed,
+                                .roughly_fitted = options.roughly_fitted,
+                                .is_enough = options.is_gross,
+                                .tick = options.tick});
   health.starts = recalibrated.starts;
   health.start_spread = recalibrated.spread;
   out.base = std::move(recalibrated.fit);

@@ -31,8 +31,8 @@ struct WorkflowOptions {
   SelectionOptions selection;
   // Called once the base model stands roughly; changes the residuals.
   std::function<void(const Fit&)> roughly_fitted;
-  // Whether the recalibrated base is so far off that no single effect may be expected to explain the rest; then
-  // none is looked for. Null: never.
+  // Whether the recalibrated base is so far off that no single effect may be expected to explain the rest;
+  // then none is looked for. Null: never.
   std::function<bool(const Fit&)> is_gross{};
   // The drop that functions of the signals would still bring; null: not asked.
   std::function<double(const Fit&)> beyond_effects;
