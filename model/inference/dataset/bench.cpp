@@ -142,26 +142,32 @@ const MeasuredChannel* BenchRecording::find(Channel channel) const {
   return nullptr;
 }
 
-std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<NamedRecording>& recordings,
-                                          std::size_t rows, std::vector<std::string>& warnings,
-                                          const std::function<bool()>* stop) {
-  const SimulationOptions roughly{.tolerance = 1e-3, .stop = stop};
+void check_recordings(const std::vector<NamedRecording>& recordings) {
   if (recordings.empty()) throw Error(ErrorCode::invalid_params, "there is no recording to learn from");
   std::set<std::string> names;
-  std::vector<BenchRecording> out;
   for (const auto& [name, r] : recordings) {
-    check_stop(roughly);
     if (!names.insert(name).second)
       throw Error(ErrorCode::invalid_params, "two recordings have the same name",
                   Problem{.path = "/recordings", .message = "stands here twice", .given = name});
     check_time(name, r);
     check_values(name, r);
+    if (!r.has(Channel::command) && !r.has(Channel::field))
+      refuse(name, "/entry/data", "has neither command nor field");
+  }
+}
+
+std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<NamedRecording>& recordings,
+                                          std::size_t rows, std::vector<std::string>& warnings,
+                                          const std::function<bool()>* stop) {
+  const SimulationOptions roughly{.tolerance = 1e-3, .stop = stop};
+  check_recordings(recordings);
+  std::vector<BenchRecording> out;
+  for (const auto& [name, r] : recordings) {
+    check_stop(roughly);
     BenchRecording b;
     b.name = name;
     b.header = r.header;
     b.has_command = r.has(Channel::command);
-    if (!b.has_command && !r.has(Channel::field))
-      refuse(name, "/entry/data", "has neither command nor field");
     set_drive(b, r);
     const auto chosen = choose_rows(r, b.knot_time, std::max<std::size_t>(1000, rows / recordings.size()));
     if (chosen.size() < r.size())

@@ -58,6 +58,9 @@ struct BenchRecording {
   const MeasuredChannel* find(recordings::Channel channel) const;
 };
 
+// Throws Error(bad_recording) that names the first one that nothing can be done with, Error(invalid_params)
+// if there is none or two have one name.
+void check_recordings(const std::vector<NamedRecording>& recordings);
 // The recordings in the order given, with about `rows` rows together. What was left out, and why, is added
 // to `warnings`. Throws Error(bad_recording) that names the recording if one cannot be compared with
 // anything. `stop` as in SimulationOptions.

@@ -148,9 +148,9 @@ LeaveOneOut leave_one_out(const WhitenedRecordings& coarse, const std::vector<do
 // Whether the model is so far off that its own error, and not noise, is what effects have to be told from: in
 // a channel more than ten times the noise and 2 % of the range. Of benches whose physics is the model's, with
 // one effect hidden, recalibration leaves at most five times the noise.
-bool is_gross(const WhitenedRecordings& residuals, const Fit& fit) {
+bool is_gross(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
   constexpr double over_noise = 10, of_range = 0.02;
-  const auto left = left_by_channel(residuals, predict(residuals, fit.hypothesis, fit.z).standardized);
+  const auto left = left_by_channel(residuals, predict(residuals, hypothesis, z).standardized);
   return std::ranges::any_of(
       left, [](const auto& l) { return l.second.over_noise > over_noise && l.second.of_range > of_range; });
 }
@@ -204,22 +204,37 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
   WhitenedRecordings fine(s.bench, s.noise, s.train, fine_options, s.threads);
   s.tick("choosing how finely to simulate", 0.01);
   s.out.health.numerical_error_over_noise = choose_fidelities(coarse, fine, hypothesis, most_domains);
-  const auto found = run_workflow(
-      coarse, fine, hypothesis,
-      {.candidates = candidates,
-       .seed = s.options.seed,
-       .most_domains = most_domains,
-       .selection = s.options.selection,
-       .roughly_fitted =
-           [&](const Fit& f) {
-             coarse.marginalize_drive(f.hypothesis, f.z);
-             fine.marginalize_as(coarse);
-           },
-       .is_gross = [&](const Fit& f) { return is_gross(coarse, f); },
-       .beyond_effects = [&](const Fit& f) { return fit_residual_basis(coarse, f).beyond_chance; },
-       .tick = s.tick},
-      s.out.health);
-
+  // Asked with what was learned of it so far.
+  const auto ask = [&](bool unless_gross) {
+    return run_workflow(
+        coarse, fine, hypothesis,
+        {.candidates = candidates,
+         .seed = s.options.seed,
+         .most_domains = most_domains,
+         .selection = s.options.selection,
+         .roughly_fitted =
+             [&](const Fit& f) {
+               coarse.marginalize_drive(f.hypothesis, f.z);
+               fine.marginalize_as(coarse);
+             },
+         .is_gross =
+             [&, unless_gross](const Fit& f) { return unless_gross && is_gross(coarse, f.hypothesis, f.z); },
+         .beyond_effects = [&](const Fit& f) { return fit_residual_basis(coarse, f).beyond_chance; },
+         .tick = s.tick},
+        s.out.health);
+  };
+  auto found = ask(true);
+  std::optional<Improvement> narrowed;
+  if (found.gross) {
+    narrowed =
+        improve(hypothesis, prior_mean(hypothesis), improvement_task(s, candidates, fine.simulation()));
+    // Was it one large effect, and no physics that is off? Then noise alone is the measure after all.
+    if (narrowed->named && !is_gross(coarse, narrowed->hypothesis, narrowed->z))
+      if (auto again = ask(false); again.best != nullptr) {
+        found = std::move(again);
+        narrowed.reset();
+      }
+  }
   auto& out = s.out;
   summarize(found, s.options.selection, out);
   Fit fitted = found.base, after = found.after();
@@ -234,25 +249,25 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
     out.next_experiment =
         choose_experiment(coarse, s.noise, rivals[0].first->fit, rivals[1].first->fit, s.options.selection);
   }
-  if (out.verdict == Verdict::unknown && is_material(fine, fitted, s.options.floor)) {
-    auto narrowed = improve(hypothesis, found.gross ? prior_mean(hypothesis) : fitted.z,
-                            improvement_task(s, candidates, fine.simulation()));
-    if (found.gross || !narrowed.added.empty()) {
-      after.hypothesis = narrowed.hypothesis;
-      after.z = narrowed.z;
+  if (!found.gross && out.verdict == Verdict::unknown && is_material(fine, fitted, s.options.floor))
+    narrowed = improve(hypothesis, fitted.z, improvement_task(s, candidates, fine.simulation()));
+  if (narrowed) {
+    if (found.gross || !narrowed->added.empty()) {
+      after.hypothesis = narrowed->hypothesis;
+      after.z = narrowed->z;
       stand_at(coarse, after);
     }
-    out.added = narrowed.added;
+    out.added = narrowed->added;
     if (found.gross) {
-      fitted = std::move(narrowed.base);
+      fitted = std::move(narrowed->base);
       out.recalibrated = recalibrations(fitted, s.options.selection);
       out.recalibrated_base = model_at(fitted, "Recalibrated beside its own error.");
       stand_at(coarse, fitted);
     }
-    if (narrowed.named) tell_named(narrowed, s.options.selection, out);
+    if (narrowed->named) tell_named(*narrowed, s.options.selection, out);
     out.improved =
-        model_at(after, narrowed.named ? "Recalibrated, with what was found missing."
-                                       : "Recalibrated, with terms that narrow a gap that has no name.");
+        model_at(after, narrowed->named ? "Recalibrated, with what was found missing."
+                                        : "Recalibrated, with terms that narrow a gap that has no name.");
   }
   if (out.verdict == Verdict::unknown) {
     const auto explained = fit_residual_basis(coarse, fitted);
@@ -300,6 +315,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   Session s(options);
   s.tick("reading the recordings", 0);
   const auto candidates = candidates_of(base, options.candidates);
+  check_recordings(recordings);
   for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
   s.tick("choosing the specimen's past", 0.005);
   choose_unknown_pasts(base, recordings, s);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace ferrobench::model::inference {
 namespace {
@@ -68,6 +69,20 @@ Hypothesis with_empirical(const Hypothesis& h, const Effect& term, const std::ve
   }
   out.model.effects.push_back(std::move(setting));
   return out;
+}
+
+void trust_instruments(Hypothesis& h, Eigen::VectorXd& z) {
+  std::vector<ScaledParameter> kept;
+  std::vector<double> values;
+  for (std::size_t i = 0; i < h.parameters.size(); ++i) {
+    const auto& path = h.parameters[i].path;
+    if (path.starts_with("gain.") || path.starts_with("offset.")) continue;
+    kept.push_back(h.parameters[i]);
+    values.push_back(z[static_cast<Eigen::Index>(i)]);
+  }
+  h.base_count -= h.parameters.size() - kept.size();
+  h.parameters = std::move(kept);
+  z = Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
 }
 
 }  // namespace ferrobench::model::inference

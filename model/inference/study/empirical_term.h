@@ -26,4 +26,8 @@ double term_amplitude(const Effect& term, const Model& model, const std::vector<
 Hypothesis with_empirical(const Hypothesis& hypothesis, const Effect& term, const std::vector<double>& fixed,
                           double width);
 
+// Takes gains and offsets out of what may move. They are no part of a model that is handed on, and beside a
+// model's own error nobody can tell that an instrument is off: then they are as stated.
+void trust_instruments(Hypothesis& hypothesis, Eigen::VectorXd& z);
+
 }  // namespace ferrobench::model::inference

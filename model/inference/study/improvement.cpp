@@ -32,6 +32,21 @@ struct Place {
   Eigen::VectorXd z;
 };
 
+// Of effects by twice the logarithm of their likelihoods; most probable first.
+std::vector<std::pair<const Effect*, double>> probabilities(const std::vector<std::pair<double, Fit>>& tried,
+                                                            const std::vector<const Effect*>& effects) {
+  std::vector<std::pair<const Effect*, double>> out;
+  double sum = 0, best = -std::numeric_limits<double>::infinity();
+  for (const auto& t : tried) best = std::max(best, t.first);
+  for (std::size_t i = 0; i < tried.size(); ++i) {
+    out.emplace_back(effects[i], std::exp(0.5 * (tried[i].first - best)));
+    sum += out.back().second;
+  }
+  for (auto& [effect, probability] : out) probability /= sum;
+  std::ranges::stable_sort(out, std::greater<>(), [](const auto& r) { return r.second; });
+  return out;
+}
+
 class Improver {
  public:
   Improver(const ImprovementTask& task) : task_(task), noise_(*task.noise) {}
@@ -56,7 +71,7 @@ class Improver {
 
  private:
   void narrow(Place& at) {
-    trust_instruments(at);
+    trust_instruments(at.hypothesis, at.z);
     for (int i = 0; i < settling_rounds; ++i) settle(at);
     out_.base = fit_;
     auto remaining = task_.candidates;
@@ -68,23 +83,6 @@ class Improver {
     while (material_ && add_empirical(at, ports)) {
     }
     if (!out_.added.empty() && other_pasts(at)) settle(at);
-  }
-
-  // Gains and offsets are no part of a model that is handed on, and beside a model's own error nobody can
-  // tell that an instrument is off: then they are as stated.
-  static void trust_instruments(Place& at) {
-    auto& h = at.hypothesis;
-    std::vector<ScaledParameter> kept;
-    std::vector<double> z;
-    for (std::size_t i = 0; i < h.parameters.size(); ++i) {
-      const auto& path = h.parameters[i].path;
-      if (path.starts_with("gain.") || path.starts_with("offset.")) continue;
-      kept.push_back(h.parameters[i]);
-      z.push_back(at.z[static_cast<Eigen::Index>(i)]);
-    }
-    h.base_count -= h.parameters.size() - kept.size();
-    h.parameters = std::move(kept);
-    at.z = Eigen::Map<const Eigen::VectorXd>(z.data(), std::ssize(z));
   }
 
   void tick(const std::string& stage) const {
@@ -229,15 +227,7 @@ class Improver {
       tried.emplace_back(gained, std::move(f));
       effects.push_back(s.effect);
     }
-    std::vector<std::pair<const Effect*, double>> rivals;
-    double sum = 0;
-    for (std::size_t i = 0; i < tried.size(); ++i) {
-      const double best = std::ranges::max_element(tried, {}, [](const auto& t) { return t.first; })->first;
-      rivals.emplace_back(effects[i], std::exp(0.5 * (tried[i].first - best)));
-      sum += rivals.back().second;
-    }
-    for (auto& [effect, probability] : rivals) probability /= sum;
-    std::ranges::stable_sort(rivals, std::greater<>(), [](const auto& r) { return r.second; });
+    auto rivals = probabilities(tried, effects);
     while (!tried.empty()) {
       const auto best = std::ranges::max_element(tried, {}, [](const auto& t) { return t.first; });
       const auto which = best - tried.begin();
@@ -322,6 +312,7 @@ class Improver {
   // The term at the port where the model becomes likeliest, if it holds on the locked recordings.
   bool add_empirical(Place& at, std::vector<const Effect*>& ports) {
     std::vector<Tried> tried;
+    tried.reserve(ports.size());
     for (const auto* term : ports) tried.push_back(fit_empirical(at, *term));
     std::ranges::stable_sort(tried, std::greater<>(), &Tried::evidence);
     for (auto& t : tried) {
@@ -336,8 +327,14 @@ class Improver {
     const auto share_of = [&](const Signals& before, const std::vector<std::size_t>& recordings) {
       return 1 - excess(miss(next, recordings), recordings) / excess(before, recordings);
     };
-    const double share = share_of(learned_, task_.train),
-                 held = task_.held_out.empty() ? share : share_of(locked_, task_.held_out);
+    const double share = share_of(learned_, task_.train);
+    // What does not show in the locked recordings cannot be proved there; it must not come to show there
+    // either.
+    const auto shows = [](const Signals& standardized) {
+      return mean_square(standardized) > 1 + SelectionOptions{}.lack_of_fit;
+    };
+    const bool proof = !task_.held_out.empty() && (shows(locked_) || shows(miss(next, task_.held_out)));
+    const double held = proof ? share_of(locked_, task_.held_out) : share;
     if (std::min(share, held) < demanded_) return false;
     at = std::move(next);
     out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},

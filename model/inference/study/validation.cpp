@@ -99,12 +99,26 @@ std::map<recordings::Channel, Left> left_by_channel(const WhitenedRecordings& re
   return out;
 }
 
+namespace {
+
+Squares squares_of(const Signals& standardized) {
+  Squares out;
+  for (const auto& recording : standardized)
+    for (const auto& channel : recording)
+      for (const double e : channel) out.add(e);
+  return out;
+}
+
+}  // namespace
+
+double mean_square(const Signals& standardized) {
+  const auto squares = squares_of(standardized);
+  return squares.count > 0 ? squares.mean() : 0;
+}
+
 double share_explained(const Signals& before, const Signals& after) {
   const auto excess = [](const Signals& standardized) {
-    Squares squares;
-    for (const auto& recording : standardized)
-      for (const auto& channel : recording)
-        for (const double e : channel) squares.add(e);
+    const auto squares = squares_of(standardized);
     return squares.sum - static_cast<double>(squares.count);
   };
   const double was = excess(before), is = excess(after);

@@ -30,6 +30,8 @@ std::set<std::size_t> unexplained(const WhitenedRecordings& residuals, const Sig
                                   const SelectionOptions& options);
 std::map<recordings::Channel, Left> left_by_channel(const WhitenedRecordings& residuals,
                                                     const Signals& standardized);
+// Over all rows.
+double mean_square(const Signals& standardized);
 // The share of the excess before that is gone after, 0 to 1; 0 where there was none.
 double share_explained(const Signals& before, const Signals& after);
 // By recording, channel and class of segment; worst first.
