@@ -178,10 +178,9 @@ double unit_slope(const FreeParameter& p, double u) {
 std::vector<FreeParameter> default_free_parameters(const Model& model) {
   std::vector<FreeParameter> out;
   for (const auto& path : parameter_paths(model)) {
-    const bool wanted =
-        path.starts_with("material.") || path.starts_with("polycrystal.") ||
-        // A table of an empirical term was fitted as a whole and stays.
-        (path.starts_with("effects.") && !path.starts_with("effects.empirical_"));
+    const bool wanted = path.starts_with("material.") || path.starts_with("polycrystal.") ||
+                        // A table of an empirical term was fitted as a whole and stays.
+                        (path.starts_with("effects.") && !path.starts_with("effects.empirical_"));
     if (!wanted || path == "material.temperature") continue;
     if (path.starts_with("polycrystal.") && path != "polycrystal.bias_field" &&
         get_parameter(model, path) == 0)
