@@ -110,19 +110,16 @@ TEST(Score, AnotherPhysicsMayBeUnknownAndIsNoEffect) {
   EXPECT_TRUE(answered({"a"}, "named", {"a"}, 0.9, Kind::physics).right());
 }
 
-TEST(Score, ShareIsOfTheExcessAboveNoise) {
+TEST(Score, TellsTheEffectOverWhatThePhysicsLeaves) {
   Bench b;
   b.kind = Kind::physics;
   b.left = 0.5;
   b.sizes = {4, 1.5};
   model::Discovery d;
-  d.held_out.before = {{Channel::charge, 3}, {Channel::force, 2}};
-  d.held_out.after = {{Channel::charge, 1.5}, {Channel::force, 1}};
+  d.share_held_out = 0.75;
   const auto o = score(b, d);
   EXPECT_DOUBLE_EQ(o.over_left, 3);
-  EXPECT_DOUBLE_EQ(o.share_held_out, 1 - 1.25 / 11);
-  d.held_out.before = d.held_out.after = {{Channel::charge, 1}};
-  EXPECT_DOUBLE_EQ(score(b, d).share_held_out, 0);
+  EXPECT_DOUBLE_EQ(o.share_held_out, 0.75);
 }
 
 // An answer that says how strong a thing must be to show is right about what is weaker.

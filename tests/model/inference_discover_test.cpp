@@ -15,6 +15,7 @@
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/discover.h"
 #include "model/inference/study/fit.h"
+#include "model/inference/study/validation.h"
 #include "model/simulator.h"
 #include "recordings/file/reader.h"
 
@@ -269,6 +270,15 @@ TEST(Discrepancy, WhatHasNoNameIsNarrowed) {
   EXPECT_FALSE(found.added.empty());
   EXPECT_GT(found.share_held_out, 0.5) << text_report(found);
   EXPECT_NO_THROW(model_from_json(to_json(found.improved)));
+}
+
+// Two channels of two rows; what was not measured does not count.
+TEST(Discrepancy, AShareIsOfTheExcessAboveNoise) {
+  using inference::share_explained;
+  const inference::Signals before{{{3, -3}, {2, NAN}}}, after{{{1.5, -1.5}, {1, NAN}}}, noise{{{1, -1}}};
+  EXPECT_DOUBLE_EQ(share_explained(before, after), 1 - (2 * 2.25 + 1 - 3) / (2 * 9 + 4 - 3.0));
+  EXPECT_DOUBLE_EQ(share_explained(noise, noise), 0);
+  EXPECT_DOUBLE_EQ(share_explained(after, before), 0);
 }
 
 TEST(Discrepancy, AFloorIsAShare) {
