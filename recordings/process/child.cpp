@@ -80,9 +80,13 @@ bool Child::over() const {
 int Child::end() {
   int status = 0;
   if (child_ == 0) return status;
-  // The number is not another's before it is waited for.
-  const std::scoped_lock holding(lock);
   kill(-child_, SIGKILL);
+  // A disk that hangs keeps it alive: others are not to wait for that. Its number is not another's before it
+  // is reaped.
+  siginfo_t dead{};
+  while (waitid(P_PID, static_cast<id_t>(child_), &dead, WEXITED | WNOWAIT) < 0 && errno == EINTR) {
+  }
+  const std::scoped_lock holding(lock);
   while (waitpid(child_, &status, 0) < 0 && errno == EINTR) {
   }
   under_way.erase(child_);
