@@ -92,11 +92,8 @@ void add_channels(BenchRecording& out, const Recording& r, const std::vector<std
     m.channel = channel;
     m.range = high - low;
     m.scatter = recordings::estimate_noise(known);
-    // A specimen that did not start poled gives no sensor a zero that a model would know.
-    const bool has_zero = channel == Channel::field || !r.header.past.known() ||
-                          r.header.past.kind == protocols::PastKind::poled_plus;
-    m.offset_is_free = !has_zero || (channel == Channel::charge &&
-                                     r.header.charge_reference == recordings::ChargeReference::first_sample);
+    m.zeroed =
+        channel == Channel::charge && r.header.charge_reference == recordings::ChargeReference::first_sample;
     for (const std::size_t row : rows) m.value.push_back(std::isfinite(all[row]) ? all[row] : NAN);
     out.channels.push_back(std::move(m));
   }
@@ -140,6 +137,12 @@ const MeasuredChannel* BenchRecording::find(Channel channel) const {
   for (const auto& m : channels)
     if (m.channel == channel) return &m;
   return nullptr;
+}
+
+bool offset_is_free(const BenchRecording& recording, const MeasuredChannel& measured) {
+  const auto& past = recording.header.past;
+  return measured.zeroed ||
+         (measured.channel != Channel::field && past.known() && past.kind != protocols::PastKind::poled_plus);
 }
 
 void check_recordings(const std::vector<NamedRecording>& recordings) {

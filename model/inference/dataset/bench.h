@@ -33,10 +33,10 @@ inline constexpr std::array<recordings::Channel, 4> compared_channels{
 
 struct MeasuredChannel {
   recordings::Channel channel = recordings::Channel::displacement;
-  std::vector<double> value;    // at the rows; NaN where nothing was measured
-  double range = 0;             // highest less lowest
-  double scatter = 0;           // standard deviation of white noise, of all samples (statistics.h)
-  bool offset_is_free = false;  // any is as good as another
+  std::vector<double> value;  // at the rows; NaN where nothing was measured
+  double range = 0;           // highest less lowest
+  double scatter = 0;         // standard deviation of white noise, of all samples (statistics.h)
+  bool zeroed = false;        // at the first sample
 };
 
 struct BenchRecording {
@@ -57,6 +57,10 @@ struct BenchRecording {
   double duration() const { return knot_time.back(); }
   const MeasuredChannel* find(recordings::Channel channel) const;
 };
+
+// Whether any offset of a channel is as good as another: it was zeroed, or the specimen did not start poled,
+// and no sensor has a zero then that a model would know.
+bool offset_is_free(const BenchRecording& recording, const MeasuredChannel& measured);
 
 // Throws Error(bad_recording) that names the first one that nothing can be done with, Error(invalid_params)
 // if there is none or two have one name.

@@ -50,7 +50,7 @@ WhitenedRecordings::WhitenedRecordings(const std::vector<BenchRecording>& bench,
       p.whitening.apply({p.constant.data(), block.rows.size()});
       // The marginal likelihood over the offset: its precision is this share less along `constant`.
       const double s = p.constant.squaredNorm();
-      const double prior = m.offset_is_free ? 0 : 1 / std::pow(believed_offset * m.range, 2);
+      const double prior = offset_is_free(bench_[r], m) ? 0 : 1 / std::pow(believed_offset * m.range, 2);
       p.share = (1 - std::sqrt(prior / (s + prior))) / s;
       prepared_.push_back(std::move(p));
       blocks_.push_back(std::move(block));
@@ -256,7 +256,7 @@ std::vector<std::vector<double>> WhitenedRecordings::simulated(const Hypothesis&
       ++n;
     }
     double offset = n > 0 ? sum / n : 0;
-    if (!m.offset_is_free) {
+    if (!offset_is_free(bench_[recording], m)) {
       // Shrunk as the prior on offsets has it.
       const double prior = std::pow(believed_offset * m.range, 2),
                    own = std::pow(noise_[recording][c].std(), 2);
