@@ -155,6 +155,8 @@ TEST(SelectionOptions, SayWhatIsWrongWithThem) {
   EXPECT_FALSE((SelectionOptions{.hopeless_remainder = 2}.is_valid(&error)));
   EXPECT_THAT(error, testing::HasSubstr("hopeless_remainder"));
   EXPECT_FALSE((SelectionOptions{.confident = 1}.is_valid(nullptr)));
+  EXPECT_FALSE((SelectionOptions{.material_share = 1}.is_valid(&error)));
+  EXPECT_THAT(error, testing::HasSubstr("material_share"));
 }
 
 }  // namespace

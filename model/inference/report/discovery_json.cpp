@@ -7,6 +7,10 @@ namespace {
 
 using nlohmann::json;
 
+json or_null(const std::optional<double>& value) {
+  return value ? json(*value) : json(nullptr);
+}
+
 json by_channel(const ChannelFigures& figures) {
   json out = json::object();
   for (const auto& [channel, value] : figures) out[std::string(recordings::channel_name(channel))] = value;
@@ -75,8 +79,9 @@ nlohmann::json to_json(const Discovery& d) {
   out["added"] = json::array();
   for (const auto& a : d.added) {
     out["added"].push_back(estimate(a.term));
-    out["added"].back().update(
-        {{"empirical", a.empirical}, {"share", a.share}, {"share_held_out", a.share_held_out}});
+    out["added"].back().update({{"empirical", a.empirical},
+                                {"share", or_null(a.share)},
+                                {"share_held_out", or_null(a.share_held_out)}});
   }
   out["pasts"] = json::array();
   for (const auto& p : d.pasts) {

@@ -142,10 +142,10 @@ std::vector<std::string> added_lines(const Discovery& d) {
     const auto& effect = find_effect(a.term.id);
     out.push_back(fmt::format("{} ({}{}): {}", readable(a.term.id), a.empirical ? "empirical, " : "",
                               family_name(effect.family), effect.equation));
-    if (a.share > 0 || a.share_held_out > 0)
-      out.push_back(
-          fmt::format("It takes {:.0f} % of the excess that stood before it, {:.0f} % on locked recordings.",
-                      100 * a.share, 100 * a.share_held_out));
+    if (a.share)
+      out.push_back(fmt::format(
+          "It takes {:.0f} % of the excess that stood before it{}.", 100 * *a.share,
+          a.share_held_out ? fmt::format(", {:.0f} % on locked recordings", 100 * *a.share_held_out) : ""));
     if (a.empirical) continue;  // a table of weights: the model file has it
     for (const auto& p : a.term.parameters) out.push_back(parameter_text(effect, p));
   }

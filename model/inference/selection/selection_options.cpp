@@ -51,6 +51,7 @@ bool SelectionOptions::is_valid(std::string* error) const {
                                                                   {"starts_in_all", starts_in_all},
                                                                   {"experiment_rows", experiment_rows}})
     if (value == 0) return wrong(std::string(name) + " must be at least 1");
+  if (material_share == 1) return wrong("material_share must be below 1: an effect cannot take all there is");
   if (!(confident > 0.5 && confident < 1)) return wrong("confident is a probability, 0.5 to 1");
   if (!(unfinished_remainder <= reachable_remainder && reachable_remainder <= hopeless_remainder))
     return wrong("unfinished_remainder, reachable_remainder and hopeless_remainder must rise");

@@ -23,9 +23,6 @@ std::span<const std::pair<Verdict, std::string_view>> enum_names(Verdict) {
 namespace ferrobench::model::inference {
 namespace {
 
-// Half of the 90 % interval of a normal distribution, in standard deviations.
-constexpr double interval_90 = 1.645;
-
 double logistic(double x) {
   return 1 / (1 + std::exp(-x));
 }

@@ -14,6 +14,9 @@
 
 namespace ferrobench::model::inference {
 
+// Half of the 90 % interval of a normal distribution, in standard deviations.
+inline constexpr double interval_90 = 1.645;
+
 struct ModelSelection {
   Verdict verdict = Verdict::nothing_missing;
   // The best trial that would be sufficient, were it to be believed; null if another is sufficient.

@@ -85,7 +85,7 @@ ImprovementTask improvement_task(Session& s, const std::vector<const Effect*>& c
                       .candidates = candidates,
                       .simulation = fine,
                       .threads = s.threads,
-                      .material_share = s.options.selection.material_share,
+                      .selection = s.options.selection,
                       .floor = s.options.floor,
                       .tick = [&s](const std::string& stage, double f) { s.tick(stage, 0.9 + 0.05 * f); }};
   if (s.presumed_past) return out;
@@ -145,14 +145,25 @@ LeaveOneOut leave_one_out(const WhitenedRecordings& coarse, const std::vector<do
   return out;
 }
 
+std::map<recordings::Channel, Left> left_at(const WhitenedRecordings& residuals, const Hypothesis& hypothesis,
+                                            const Eigen::VectorXd& z) {
+  return left_by_channel(residuals, predict(residuals, hypothesis, z).standardized);
+}
+
 // Whether the model is so far off that its own error, and not noise, is what effects have to be told from: in
-// a channel more than ten times the noise and 2 % of the range. Of benches whose physics is the model's, with
-// one effect hidden, recalibration leaves at most five times the noise.
+// a channel more than ten times the noise and 2 % of the range. Of twelve benches of the campaign whose
+// physics is the model's recalibration left at most 5.1 times the noise; one large effect can leave more.
 bool is_gross(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
   constexpr double over_noise = 10, of_range = 0.02;
-  const auto left = left_by_channel(residuals, predict(residuals, hypothesis, z).standardized);
-  return std::ranges::any_of(
-      left, [](const auto& l) { return l.second.over_noise > over_noise && l.second.of_range > of_range; });
+  return std::ranges::any_of(left_at(residuals, hypothesis, z), [](const auto& l) {
+    return l.second.over_noise > over_noise && l.second.of_range > of_range;
+  });
+}
+
+// Whether the model's own error is more than this share of a channel's range anywhere.
+bool is_material(const WhitenedRecordings& residuals, const Fit& fit, double floor) {
+  return std::ranges::any_of(left_at(residuals, fit.hypothesis, fit.z),
+                             [&](const auto& l) { return l.second.model_error > floor; });
 }
 
 // Verdict and explanations where effects were named beside the model's own error.
@@ -160,7 +171,7 @@ void tell_named(const Improvement& found, const SelectionOptions& options, Disco
   double share = 1;
   Explanation named;
   for (const auto& a : found.added) {
-    share = std::min({share, a.share, a.share_held_out});
+    share = std::min({share, a.share.value_or(1), a.share_held_out.value_or(1)});
     named.effects.push_back(a.term);
   }
   out.probability_unknown = probability_of_unknown(share, options);
@@ -185,12 +196,6 @@ void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
   fit.residual = residuals.evaluate(fit.hypothesis, fit.z);
   fit.squares = fit.residual.squaredNorm() + prior_squares(fit.hypothesis, fit.z);
   refresh_jacobian(residuals, fit);
-}
-
-// Whether the model's own error is more than this share of a channel's range anywhere.
-bool is_material(const WhitenedRecordings& residuals, const Fit& fit, double floor) {
-  const auto left = left_by_channel(residuals, predict(residuals, fit.hypothesis, fit.z).standardized);
-  return std::ranges::any_of(left, [&](const auto& l) { return l.second.model_error > floor; });
 }
 
 // The workflow for one choice of what is held out. Returns the held-out recordings that the recalibrated base
@@ -299,6 +304,11 @@ std::set<std::size_t> train_and_validate(Session& s, const Model& base,
     out.held_out.after = rms_by_channel(locked, locked_after.standardized);
     out.share_held_out = share_explained(locked_before.standardized, locked_after.standardized);
     out.traces = traces(locked, locked_before, locked_after, 2, true);
+  }
+  // A term that was named alone by noise takes all that is taken; what each of two takes was not asked.
+  if (!narrowed && out.added.size() == 1) {
+    out.added.front().share = out.share;
+    if (!s.held_out.empty()) out.added.front().share_held_out = out.share_held_out;
   }
   for (auto& t : traces(fine, before_it, after_it, 4, false)) out.traces.push_back(std::move(t));
   out.health.simulations += coarse.simulations();

@@ -4,7 +4,8 @@
 // Residuals are counted in standard deviations of each channel's noise (excess, gap, odds). The base model's
 // own parameters, and gains and offsets of the channels, are recalibrated first, within priors; what remains
 // is compared with every effect of the catalogue, each refitted together with the parameters. An effect is
-// named only if with it nothing more is left; else the answer is "unknown".
+// named if with it nothing more is left, or if it takes most of the excess where the model's own physics is
+// off; else the answer is "unknown", and terms that hold on locked recordings narrow the gap.
 #pragma once
 
 #include <functional>
@@ -64,8 +65,9 @@ struct Remainder {
 struct AddedTerm {
   EffectEstimate term;
   bool empirical = false;  // a table that was fitted and stands for what has no name
-  // Of the excess that stood before it; on recordings that were learned from, and on the others.
-  double share = 0, share_held_out = 0;
+  // Of the excess that stood before it; on recordings that were learned from, and on the others. None where
+  // two were found together, or nothing was locked away.
+  std::optional<double> share{}, share_held_out{};
 };
 
 // For a picture: a segment of a recording where the gap is seen best.

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <tuple>
 #include <utility>
 
 #include "model/inference/parameters/parameters.h"
 #include "model/inference/selection/screening.h"
+#include "model/inference/selection/verdict.h"
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/empirical_term.h"
@@ -49,7 +51,7 @@ std::vector<std::pair<const Effect*, double>> probabilities(const std::vector<st
 
 class Improver {
  public:
-  Improver(const ImprovementTask& task) : task_(task), noise_(*task.noise) {}
+  explicit Improver(const ImprovementTask& task) : task_(task), noise_(*task.noise) {}
 
   Improvement run(const Hypothesis& base, const Eigen::VectorXd& z) {
     Place at{base, z};
@@ -58,7 +60,7 @@ class Improver {
     for (int i = 0; i < settling_rounds && other_pasts(at); ++i) settle(at);
     out_.base = fit_;
     auto remaining = task_.candidates;
-    demanded_ = task_.material_share;
+    demanded_ = task_.selection.material_share;
     while (out_.added.size() < most_named && material_ && add_effect(at, remaining)) {
     }
     out_.named = !out_.added.empty();
@@ -167,11 +169,15 @@ class Improver {
       }
   }
 
-  // The model's error where it stands, the residuals under it, and the fit to these.
   void settle(Place& at) {
     tick("how wrong the model is");
     learned_ = miss(at, task_.train);
     locked_ = miss(at, task_.held_out);
+    fit_beside_error(at);
+  }
+
+  // The model's error by what it misses where it stands, the residuals under it, and the fit to these.
+  void fit_beside_error(Place& at) {
     estimate_errors(learned_, task_.train);
     estimate_errors(locked_, task_.held_out);
     const auto is_material = [&](std::size_t r) {
@@ -204,9 +210,6 @@ class Improver {
     }
     return out;
   }
-  double gain(const Fit& with, double numbers) const {
-    return log_likelihood_ratio(with) - numbers * std::log(residuals_->samples());
-  }
 
   // The effect that makes the model likeliest, if any does and holds on the locked recordings.
   bool add_effect(Place& at, std::vector<const Effect*>& remaining) {
@@ -223,7 +226,7 @@ class Improver {
       z.head(at.z.size()) = at.z;
       auto f =
           minimize(*residuals_, hypothesis, z, solver(8, "refitting " + std::string(s.effect->id)), &fit_);
-      const double gained = gain(f, static_cast<double>(s.effect->parameters.size()));
+      const double gained = log_likelihood_ratio(f) - bic_penalty({s.effect}, residuals_->samples());
       tried.emplace_back(gained, std::move(f));
       effects.push_back(s.effect);
     }
@@ -239,7 +242,7 @@ class Improver {
         out_.rivals = std::move(rivals);
         return true;
       }
-      if (demanded_ == task_.material_share) return false;
+      if (demanded_ == task_.selection.material_share) return false;
       tried.erase(best);
       effects.erase(effects.begin() + which);
     }
@@ -324,52 +327,54 @@ class Improver {
   }
 
   bool accept(Place& at, Place next, const Effect* effect) {
-    const auto share_of = [&](const Signals& before, const std::vector<std::size_t>& recordings) {
-      return 1 - excess(miss(next, recordings), recordings) / excess(before, recordings);
+    const auto share_of = [&](const Signals& before, const Signals& after,
+                              const std::vector<std::size_t>& recordings) {
+      return 1 - excess(after, recordings) / excess(before, recordings);
     };
-    const double share = share_of(learned_, task_.train);
+    auto learned = miss(next, task_.train), locked = miss(next, task_.held_out);
+    const double share = share_of(learned_, learned, task_.train);
     // What does not show in the locked recordings cannot be proved there; it must not come to show there
     // either.
-    const auto shows = [](const Signals& standardized) {
-      return mean_square(standardized) > 1 + SelectionOptions{}.lack_of_fit;
+    const auto shows = [&](const Signals& standardized) {
+      return mean_square(standardized) > 1 + task_.selection.lack_of_fit;
     };
-    const bool proof = !task_.held_out.empty() && (shows(locked_) || shows(miss(next, task_.held_out)));
-    const double held = proof ? share_of(locked_, task_.held_out) : share;
+    const bool proof = !task_.held_out.empty() && (shows(locked_) || shows(locked));
+    const double held = proof ? share_of(locked_, locked, task_.held_out) : share;
     if (std::min(share, held) < demanded_) return false;
     at = std::move(next);
-    out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
-                          .empirical = effect->empirical,
-                          .share = std::max(0.0, share),
-                          .share_held_out = std::max(0.0, held)});
-    settle(at);
+    out_.added.push_back(
+        {.term = {.id = std::string(effect->id), .parameters = {}},
+         .empirical = effect->empirical,
+         .share = std::max(0.0, share),
+         .share_held_out = task_.held_out.empty() ? std::nullopt : std::optional(std::max(0.0, held))});
+    learned_ = std::move(learned);
+    locked_ = std::move(locked);
+    fit_beside_error(at);
     return true;
   }
 
   // Values of the added terms with 90 % intervals; what was held fixed has none.
   void tell_values(const Place& at) {
     const Eigen::MatrixXd covariance = fit_.normal().inverse();
+    const auto& moved = at.hypothesis.parameters;
     for (auto& added : out_.added) {
       const auto& effect = find_effect(added.term.id);
       for (const auto& p : effect.parameters) {
         const auto path = "effects." + added.term.id + "." + std::string(p.name);
         const double value = get_parameter(setting_at(at.hypothesis, at.z).model, path);
         EffectEstimate::Parameter told{std::string(p.name), value, value, value};
-        for (std::size_t i = 0; i < at.hypothesis.parameters.size(); ++i) {
-          const auto& c = at.hypothesis.parameters[i];
-          if (c.path != path) continue;
-          const auto k = static_cast<Eigen::Index>(i);
+        const auto c = std::ranges::find(moved, path, &ScaledParameter::path);
+        if (c != moved.end()) {
+          const auto k = static_cast<Eigen::Index>(c - moved.begin());
           const double reach = interval_90 * std::sqrt(std::max(0.0, covariance(k, k)));
-          const double a = c.value(std::max(c.low, at.z[k] - reach)),
-                       b = c.value(std::min(c.high, at.z[k] + reach));
-          told.low = std::min(a, b);
-          told.high = std::max(a, b);
+          std::tie(told.low, told.high) = std::minmax<double>(
+              {c->value(std::max(c->low, at.z[k] - reach)), c->value(std::min(c->high, at.z[k] + reach))});
         }
         added.term.parameters.push_back(std::move(told));
       }
     }
   }
 
-  static constexpr double interval_90 = 1.645;  // half of it, in standard deviations
   static constexpr int width_rounds = 3;
   static constexpr double least_error = 1e-5;  // of the range: the likelihood needs one above zero
 
@@ -381,8 +386,7 @@ class Improver {
   Fit fit_;
   Signals learned_, locked_;
   bool material_ = false;
-  double demanded_ =
-      1;  // share that a term has to take away, of what was learned from and of what was locked
+  double demanded_ = 1;  // share that a term has to take away, on both sides
   Improvement out_;
 };
 

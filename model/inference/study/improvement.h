@@ -28,8 +28,8 @@ struct ImprovementTask {
   std::vector<const Effect*> candidates;
   SimulationOptions simulation;  // the fine one; what stops it is used in all
   int threads = 1;
-  double material_share = 1;  // selection/selection_options.h
-  double floor = 0;           // of the range: an error below this is not worked on
+  SelectionOptions selection;  // its material_share and lack_of_fit
+  double floor = 0;            // of the range: an error below this is not worked on
   // The pasts that are likeliest under a recalibrated model, in the bench's order, and what puts pasts into
   // the bench. Null: none is to be chosen.
   std::function<std::vector<protocols::Past>(const Model&)> choose_pasts{};

@@ -23,9 +23,13 @@ struct Squares {
   double mean() const { return sum / static_cast<double>(count); }
 };
 
-}  // namespace
-
-namespace {
+Squares squares_of(const Signals& standardized) {
+  Squares out;
+  for (const auto& recording : standardized)
+    for (const auto& channel : recording)
+      for (const double e : channel) out.add(e);
+  return out;
+}
 
 Prediction predict_by(const WhitenedRecordings& fine, const WhitenedRecordings* coarse,
                       const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
@@ -98,18 +102,6 @@ std::map<recordings::Channel, Left> left_by_channel(const WhitenedRecordings& re
   }
   return out;
 }
-
-namespace {
-
-Squares squares_of(const Signals& standardized) {
-  Squares out;
-  for (const auto& recording : standardized)
-    for (const auto& channel : recording)
-      for (const double e : channel) out.add(e);
-  return out;
-}
-
-}  // namespace
 
 double mean_square(const Signals& standardized) {
   const auto squares = squares_of(standardized);

@@ -171,10 +171,10 @@ void summarize(const WorkflowResult& found, const SelectionOptions& options, Dis
       out.explanations.push_back({effect_estimates(*trial, options), probability, {}});
   if (out.verdict == Verdict::unknown && found.selection.doubted != nullptr)
     out.doubted = effect_estimates(*found.selection.doubted, options);
-  if (found.best != nullptr && found.after().jacobian.size() > 0)
-    for (const auto& e : effect_estimates(*found.best, options))
-      out.added.push_back({.term = e, .empirical = false});
-  if (found.best != nullptr) out.family = found.best->effects.front()->family;
+  if (found.best != nullptr) {
+    for (const auto& e : out.explanations.front().effects) out.added.push_back({.term = e});
+    out.family = found.best->effects.front()->family;
+  }
   out.recalibrated = recalibrations(found.after(), options);
   out.recalibrated_base = model_at(found.base, "Recalibrated.");
   out.improved = found.best != nullptr
