@@ -13,7 +13,7 @@ using nlohmann::json;
 template <class A, class B>
 void look(ColumnDifference& out, A&& at_a, B&& at_b) {
   const auto both = std::min(out.rows_a, out.rows_b);
-  double squares = 0, known = 0;
+  double squares = 0, sum = 0, known = 0;
   const auto note = [&out](std::uint64_t row, std::optional<double> a, std::optional<double> b) {
     ++out.unequal;
     if (!out.first) out.first = {row, a, b};
@@ -29,12 +29,15 @@ void look(ColumnDifference& out, A&& at_a, B&& at_b) {
     if (std::isnan(a) || std::isnan(b)) continue;
     ++known;
     squares += (b - a) * (b - a);
+    sum += b - a;
     out.maximum = std::max(out.maximum, std::abs(b - a));
   }
   for (auto i = both; i < std::max(out.rows_a, out.rows_b); ++i)
     note(i, i < out.rows_a ? std::optional(at_a(i)) : std::nullopt,
          i < out.rows_b ? std::optional(at_b(i)) : std::nullopt);
-  if (known > 0) out.rms = std::sqrt(squares / known);
+  if (known == 0) return;
+  out.rms = std::sqrt(squares / known);
+  out.mean = sum / known;
 }
 
 ColumnDifference column(const std::string& dataset, const std::string& unit, const std::vector<double>* a,
@@ -183,11 +186,17 @@ json to_json(const Difference& d) {
            {"tables", json::array()},
            {"header", json::array()}};
   for (const auto& c : d.columns) {
-    json row{{"dataset", c.dataset}, {"unit", c.unit},
-             {"in_a", c.in_a},       {"in_b", c.in_b},
-             {"rows_a", c.rows_a},   {"rows_b", c.rows_b},
-             {"rms", c.rms},         {"maximum", c.maximum},
-             {"unequal", c.unequal}, {"identical", c.identical()}};
+    json row{{"dataset", c.dataset},
+             {"unit", c.unit},
+             {"in_a", c.in_a},
+             {"in_b", c.in_b},
+             {"rows_a", c.rows_a},
+             {"rows_b", c.rows_b},
+             {"rms", c.rms},
+             {"mean", c.mean},
+             {"maximum", c.maximum},
+             {"unequal", c.unequal},
+             {"identical", c.identical()}};
     if (c.first) row["first"] = {{"row", c.first->row}, {"a", value(c.first->a)}, {"b", value(c.first->b)}};
     out["columns"].push_back(std::move(row));
   }

@@ -2,10 +2,12 @@
 // differently.
 //
 // For each column, over the rows that both have and know (NaN marks a gap):
-//   rms = sqrt(mean((b - a)^2)),  maximum = max |b - a|   [unit of the column]
+//   rms = sqrt(mean((b - a)^2)),  mean = mean(b - a),  maximum = max |b - a|   [unit of the column]
 // Two values are equal if their bits are; two gaps are equal.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -25,9 +27,10 @@ struct ColumnDifference {
   std::string unit;
   bool in_a = false, in_b = false;
   std::uint64_t rows_a = 0, rows_b = 0, unequal = 0;
-  double rms = 0, maximum = 0;
+  double rms = 0, mean = 0, maximum = 0;
   std::optional<FirstDifference> first{};
 
+  double spread() const { return std::sqrt(std::max(0.0, rms * rms - mean * mean)); }  // rms about the mean
   bool identical() const { return in_a && in_b && !first; }
 };
 

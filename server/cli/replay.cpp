@@ -119,7 +119,9 @@ int beside_model(const ReplayOptions& o, const Recording& measured, const std::s
   auto model = model_argument(o.model);
   if (model.is_string()) model = server::Store(common.data_folder()).model(o.model);
   const auto simulation = server::simulate_recording(measured, model, path, past_argument(o.past));
-  std::printf("%-14s %14s %14s %10s\n", "channel", "rms", "maximum", "rms/range");
+  // A sensor's zero is unknown, so the constant part of what the model misses is told apart from the rest.
+  std::printf("%-14s %14s %14s %14s %10s %18s\n", "channel", "rms", "mean", "maximum", "rms/range",
+              "without the mean");
   for (const auto& c : recordings::compare(measured, simulation.recording).columns) {
     const auto channel = std::ranges::find_if(
         recordings::all_channels, [&](auto each) { return c.dataset == recordings::channel_place(each); });
@@ -131,9 +133,11 @@ int beside_model(const ReplayOptions& o, const Recording& measured, const std::s
       low = std::fmin(low, v);
       high = std::fmax(high, v);
     }
-    std::printf("%-14s %10.4g %-3s %10.4g %-3s %8.3f %%\n", std::string(channel_name(*channel)).c_str(),
-                c.rms, c.unit.c_str(), c.maximum, c.unit.c_str(),
-                high > low ? 100 * c.rms / (high - low) : 0);
+    const double percent = high > low ? 100 / (high - low) : 0;
+    const auto* unit = c.unit.c_str();
+    std::printf("%-14s %10.4g %-3s %10.4g %-3s %10.4g %-3s %8.3f %% %16.3f %%\n",
+                std::string(channel_name(*channel)).c_str(), c.rms, unit, c.mean, unit, c.maximum, unit,
+                percent * c.rms, percent * c.spread());
   }
   if (o.out.empty()) return exit_ok;
   recordings::write_recording(o.out, simulation.recording, existing);
@@ -196,7 +200,8 @@ void add_replay(CLI::App& app, Common& common) {
       ->capture_default_str();
   sub->add_flag("--quiet", o->quiet, "no progress");
   sub->footer(
-      "Exit code 1: --verify found a difference. A model starts from rest where the part that is played "
+      "Exit code 1: --verify found a difference. The mean is of model less measurement. A model starts from "
+      "rest where the part that is played "
       "starts,\n"
       "after the past that --past or the recording names; of a later part it is none.\n"
       "Examples:\n"

@@ -259,6 +259,7 @@ json comparison_schema() {
              {"rows_a", whole()},
              {"rows_b", whole()},
              {"rms", or_null(number("", "in the unit"))},
+             {"mean", or_null(number("", "of b - a, in the unit"))},
              {"maximum", or_null(number("", "in the unit"))},
              {"unequal", whole("rows")},
              {"identical", truth()},
