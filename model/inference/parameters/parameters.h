@@ -42,9 +42,14 @@ double from_unit(const FreeParameter& p, double u);
 // d value / d u.
 double unit_slope(const FreeParameter& p, double u);
 
+// Whether nothing but switching shows this number, and no domain of the model switches: its barrier is above
+// all that a fit may give one.
+bool is_idle(const Model& model, std::string_view path);
+
 // Parameters that a fit frees if nothing is said: material and polycrystal without what no recording can tell
 // (temperature), and the parameters of the model's effects. Spreads that are zero stay so: switching one on
-// is an effect, not a fit. The bias field is free even at zero, for an amplifier's offset acts like one.
+// is an effect, not a fit. The bias field is free even at zero, for an amplifier's offset acts like one. Of a
+// model in which nothing switches, what only switching shows is left out.
 std::vector<FreeParameter> default_free_parameters(const Model& model);
 
 }  // namespace ferrobench::model
