@@ -6,6 +6,18 @@
 #include "model/physics/domains.h"
 
 namespace ferrobench::model::inference {
+namespace {
+
+// Puts the effect at its weakest into the model; returns what that changed at the ports.
+Ports install_weakest(const Effect& effect, Model& model) {
+  std::vector<double> values;
+  for (const auto& p : effect.parameters) values.push_back(p.low);
+  Ports ports;
+  effect.install(values, model, ports);
+  return ports;
+}
+
+}  // namespace
 
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted) {
   std::vector<const Effect*> out;
@@ -36,14 +48,17 @@ std::vector<const Effect*> candidates_of(const Model& model, const std::vector<s
   return out;
 }
 
+bool acts_before_monitor(const Effect& effect) {
+  if (effect.family != Family::drive) return false;
+  Model any;
+  return !install_weakest(effect, any).drive.empty();
+}
+
 bool adds_a_spread(const Model& base, const std::vector<const Effect*>& candidates) {
   return base.polycrystal.method == PolycrystalMethod::distribution &&
          std::ranges::any_of(candidates, [&](const Effect* effect) {
-           std::vector<double> values;
-           for (const auto& p : effect->parameters) values.push_back(p.low);
            auto model = base;
-           Ports ports;
-           effect->install(values, model, ports);
+           install_weakest(*effect, model);
            return spread_dimensions(model.polycrystal) > spread_dimensions(base.polycrystal);
          });
 }

@@ -14,6 +14,10 @@ namespace ferrobench::model::inference {
 // is not in the catalogue, Error(invalid_params) if it is empirical.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
 
+// Whether it makes the field at the monitor another than the command. Where no command was recorded, the
+// recorded field is the drive, and nothing can be said of such an effect.
+bool acts_before_monitor(const Effect& effect);
+
 // Whether one of them switches a spread of the polycrystal on that the base does not have, so that its
 // domains need a lattice of more dimensions.
 bool adds_a_spread(const Model& base, const std::vector<const Effect*>& candidates);

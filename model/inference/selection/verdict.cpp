@@ -171,13 +171,14 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
     least_left = std::min(least_left, ratio);
     if (ratio < 1) enough.push_back(&t);
   }
-  if (!enough.empty()) out.doubted = nullptr;
+  out.sufficient = !enough.empty();
+  if (out.sufficient) out.doubted = nullptr;
   const double unknown_if_something =
       logistic(options.sufficiency_power * std::log(std::max(1e-3, least_left)));
   const double something = 1 - out.probability_nothing;
   out.probability_unknown = something * unknown_if_something;
   // Unchecked rivals of the same number of effects count too.
-  const Trial* leader = enough.empty() ? &found.trials.front() : enough.front();
+  const Trial* leader = !out.sufficient ? &found.trials.front() : enough.front();
   const double top = delta_bic(*leader, samples);
   // No rival counts for more than the leader, which is the one that is added: it stands first among equals.
   out.trials.emplace_back(leader, 1);
@@ -197,7 +198,7 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
   std::ranges::stable_sort(out.trials, std::greater<>(), [](const auto& p) { return p.second; });
   if (!found.detected || out.probability_nothing > 0.5) {
     out.verdict = Verdict::nothing_missing;
-  } else if (enough.empty()) {
+  } else if (!out.sufficient) {
     grade(found, options, samples, out);
   } else {
     const double named = out.trials.front().second / (something * (1 - unknown_if_something));

@@ -22,6 +22,7 @@ struct ModelSelection {
   // The best trial that would be sufficient, were it to be believed; null if another is sufficient.
   const Trial* doubted = nullptr;
   std::vector<std::pair<const Trial*, double>> trials;  // with probability, best first
+  bool sufficient = false;                              // the first trial leaves nothing but noise
   double probability_unknown = 0, probability_nothing = 0;
 };
 

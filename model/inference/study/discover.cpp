@@ -11,6 +11,7 @@
 #include "model/inference/selection/leave_one_out.h"
 #include "model/inference/selection/residual_basis.h"
 #include "model/inference/solver/multifidelity.h"
+#include "model/inference/study/empirical_term.h"
 #include "model/inference/study/improvement.h"
 #include "model/inference/study/validation.h"
 #include "model/inference/study/workflow.h"
@@ -43,7 +44,18 @@ struct Session {
   std::vector<BenchRecording> bench;
   std::vector<std::vector<NoiseModel>> noise;
   std::vector<std::size_t> train, held_out;
+  std::vector<const Effect*> candidates, tables;  // what may be named, and what may stand for the rest
 };
+
+// Takes out what these recordings can say nothing of.
+void drop_untestable(Session& s) {
+  if (std::ranges::any_of(s.bench, &BenchRecording::has_command)) return;
+  const auto before_monitor = [](const Effect* e) { return acts_before_monitor(*e); };
+  for (const auto* e : s.candidates)
+    if (before_monitor(e)) s.out.not_testable.emplace_back(e->id);
+  std::erase_if(s.candidates, before_monitor);
+  std::erase_if(s.tables, before_monitor);
+}
 
 // Recordings that name no past get the likeliest one under the model. Poled towards + is presumed, as the
 // simulator does.
@@ -76,19 +88,20 @@ void set_pasts(Session& s, const std::vector<protocols::Past>& pasts) {
 }
 
 // What narrowing a gap needs to know of this bench.
-ImprovementTask improvement_task(Session& s, const std::vector<const Effect*>& candidates,
-                                 const SimulationOptions& fine) {
+ImprovementTask improvement_task(Session& s, const SimulationOptions& fine) {
   ImprovementTask out{.bench = &s.bench,
                       .noise = &s.noise,
                       .train = s.train,
                       .held_out = s.held_out,
-                      .candidates = candidates,
+                      .candidates = s.candidates,
+                      .tables = s.tables,
                       .simulation = fine,
                       .threads = s.threads,
                       .selection = s.options.selection,
                       .floor = s.options.floor,
-                      .tick = [&s](const std::string& stage, double f) { s.tick(stage, 0.9 + 0.05 * f); }};
-  if (s.presumed_past) return out;
+                      .tick = [&s](const std::string& stage, double f) { s.tick(stage, 0.91 + 0.04 * f); }};
+  out.presumed_past = s.presumed_past;
+  if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return out;
   out.choose_pasts = [&s](const Model& m) { return choose_pasts_again(m, s); };
   out.set_pasts = [&s](const std::vector<protocols::Past>& pasts) { set_pasts(s, pasts); };
   return out;
@@ -145,51 +158,6 @@ LeaveOneOut leave_one_out(const WhitenedRecordings& coarse, const std::vector<do
   return out;
 }
 
-std::map<recordings::Channel, Left> left_at(const WhitenedRecordings& residuals, const Hypothesis& hypothesis,
-                                            const Eigen::VectorXd& z) {
-  return left_by_channel(residuals, predict(residuals, hypothesis, z).standardized);
-}
-
-// Whether the model is so far off that its own error, and not noise, is what effects have to be told from: in
-// a channel more than ten times the noise and 2 % of the range. Of twelve benches of the campaign whose
-// physics is the model's recalibration left at most 5.1 times the noise; one large effect can leave more.
-bool is_gross(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
-  constexpr double over_noise = 10, of_range = 0.02;
-  return std::ranges::any_of(left_at(residuals, hypothesis, z), [](const auto& l) {
-    return l.second.over_noise > over_noise && l.second.of_range > of_range;
-  });
-}
-
-// Whether the model's own error is more than this share of a channel's range anywhere.
-bool is_material(const WhitenedRecordings& residuals, const Fit& fit, double floor) {
-  return std::ranges::any_of(left_at(residuals, fit.hypothesis, fit.z),
-                             [&](const auto& l) { return l.second.model_error > floor; });
-}
-
-// Verdict and explanations where effects were named beside the model's own error.
-void tell_named(const Improvement& found, const SelectionOptions& options, Discovery& out) {
-  double share = 1;
-  Explanation named;
-  for (const auto& a : found.added) {
-    share = std::min({share, a.share.value_or(1), a.share_held_out.value_or(1)});
-    named.effects.push_back(a.term);
-  }
-  out.probability_unknown = probability_of_unknown(share, options);
-  out.probability_nothing = 0;
-  out.explanations.clear();
-  for (const auto& [effect, probability] : found.rivals) {
-    auto rival = named;
-    if (effect->id != named.effects.back().id)
-      rival.effects.back() = {.id = std::string(effect->id), .parameters = {}};
-    rival.probability = probability * (1 - out.probability_unknown);
-    if (probability > options.least_probability) out.explanations.push_back(std::move(rival));
-  }
-  const bool first = found.rivals.front().first->id == named.effects.back().id;
-  out.verdict =
-      first && found.rivals.front().second > options.confident ? Verdict::named : Verdict::ambiguous;
-  out.family = find_effect(named.effects.front().id).family;
-}
-
 // Residual and slopes where a fit stands, by noise alone.
 void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
   fit.fidelity_correction.resize(0);
@@ -198,122 +166,169 @@ void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
   refresh_jacobian(residuals, fit);
 }
 
-// The workflow for one choice of what is held out. Returns the held-out recordings that the recalibrated base
-// does not explain.
-std::set<std::size_t> train_and_validate(Session& s, const Model& base,
-                                         const std::vector<const Effect*>& candidates) {
-  const auto hypothesis = base_hypothesis(base, s.bench);
-  auto fine_options = stoppable(fine_simulation, s.options);
-  fine_options.every_spread = adds_a_spread(base, candidates);
-  WhitenedRecordings coarse(s.bench, s.noise, s.train, stoppable({}, s.options), s.threads);
-  WhitenedRecordings fine(s.bench, s.noise, s.train, fine_options, s.threads);
-  s.tick("choosing how finely to simulate", 0.01);
-  s.out.health.numerical_error_over_noise = choose_fidelities(coarse, fine, hypothesis, most_domains);
-  // Asked with what was learned of it so far.
-  const auto ask = [&](bool unless_gross) {
+// The workflow for one choice of what is held out: the answer by noise, a better model where that leaves
+// more, and the proof.
+class Inquiry {
+ public:
+  Inquiry(Session& session, const Model& base)
+      : s_(session),
+        base_(base_hypothesis(base, s_.bench)),
+        coarse_(s_.bench, s_.noise, s_.train, stoppable({}, s_.options), s_.threads),
+        fine_(s_.bench, s_.noise, s_.train, fine_for(base), s_.threads) {}
+
+  // Fills in the session's Discovery. Returns the held-out recordings that the recalibrated base does not
+  // explain.
+  std::set<std::size_t> run() {
+    s_.tick("choosing how finely to simulate", 0.01);
+    s_.out.health.numerical_error_over_noise = choose_fidelities(coarse_, fine_, base_, most_domains);
+    found_ = ask(true);
+    if (found_.gross) improve_gross();
+    summarize(found_, s_.options.selection, s_.out);
+    before_ = found_.base;
+    after_ = found_.after();
+    if (!found_.gross) compare_explanations();
+    if (!found_.gross) improve_beyond_effects();
+    if (improved_) tell_improvement();
+    if (s_.out.verdict == Verdict::unknown) tell_where();
+    return prove();
+  }
+
+ private:
+  SimulationOptions fine_for(const Model& base) const {
+    auto out = stoppable(fine_simulation, s_.options);
+    out.every_spread = adds_a_spread(base, s_.candidates);
+    return out;
+  }
+
+  // With what was learned of the fidelities so far.
+  WorkflowResult ask(bool unless_gross) {
     return run_workflow(
-        coarse, fine, hypothesis,
-        {.candidates = candidates,
-         .seed = s.options.seed,
+        coarse_, fine_, base_,
+        {.candidates = s_.candidates,
+         .seed = s_.options.seed,
          .most_domains = most_domains,
-         .selection = s.options.selection,
+         .selection = s_.options.selection,
          .roughly_fitted =
-             [&](const Fit& f) {
-               coarse.marginalize_drive(f.hypothesis, f.z);
-               fine.marginalize_as(coarse);
+             [this](const Fit& f) {
+               coarse_.marginalize_drive(f.hypothesis, f.z);
+               fine_.marginalize_as(coarse_);
              },
-         .is_gross =
-             [&, unless_gross](const Fit& f) { return unless_gross && is_gross(coarse, f.hypothesis, f.z); },
-         .beyond_effects = [&](const Fit& f) { return fit_residual_basis(coarse, f).beyond_chance; },
-         .tick = s.tick},
-        s.out.health);
-  };
-  auto found = ask(true);
-  std::optional<Improvement> narrowed;
-  if (found.gross) {
-    narrowed =
-        improve(hypothesis, prior_mean(hypothesis), improvement_task(s, candidates, fine.simulation()));
+         .is_gross = [this, unless_gross](
+                         const Fit& f) { return unless_gross && is_gross(coarse_, f.hypothesis, f.z); },
+         .beyond_effects = [this](const Fit& f) { return fit_residual_basis(coarse_, f).beyond_chance; },
+         .tick = s_.tick},
+        s_.out.health);
+  }
+
+  void improve_gross() {
+    improved_ = improve(base_, prior_mean(base_), improvement_task(s_, fine_.simulation()));
     // Was it one large effect, and no physics that is off? Then noise alone is the measure after all.
-    if (narrowed->named && !is_gross(coarse, narrowed->hypothesis, narrowed->z))
-      if (auto again = ask(false); again.best != nullptr) {
-        found = std::move(again);
-        narrowed.reset();
-      }
+    if (!improved_->named || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
+    auto again = ask(false);
+    if (again.best == nullptr) return;
+    found_ = std::move(again);
+    improved_.reset();
   }
-  auto& out = s.out;
-  summarize(found, s.options.selection, out);
-  Fit fitted = found.base, after = found.after();
-  if (s.train.size() > 1 && !out.explanations.empty()) {
-    const auto without = leave_one_out_squares(coarse, fitted);
-    for (std::size_t i = 0; i < out.explanations.size(); ++i)
-      out.explanations[i].leave_one_out =
-          leave_one_out(coarse, without, found.selection.trials[i].first->fit);
-  }
-  if (const auto& rivals = found.selection.trials; out.verdict == Verdict::ambiguous && rivals.size() > 1) {
-    s.tick("looking for the experiment that would decide", 0.91);
-    out.next_experiment =
-        choose_experiment(coarse, s.noise, rivals[0].first->fit, rivals[1].first->fit, s.options.selection);
-  }
-  if (!found.gross && out.verdict == Verdict::unknown && is_material(fine, fitted, s.options.floor))
-    narrowed = improve(hypothesis, fitted.z, improvement_task(s, candidates, fine.simulation()));
-  if (narrowed) {
-    if (found.gross || !narrowed->added.empty()) {
-      after.hypothesis = narrowed->hypothesis;
-      after.z = narrowed->z;
-      stand_at(coarse, after);
+
+  // How each explanation does on every recording in turn, and the experiment that would tell two apart.
+  void compare_explanations() {
+    auto& out = s_.out;
+    const auto& trials = found_.selection.trials;
+    if (s_.train.size() > 1 && !out.explanations.empty()) {
+      const auto without = leave_one_out_squares(coarse_, before_);
+      for (std::size_t i = 0; i < out.explanations.size(); ++i)
+        out.explanations[i].leave_one_out = leave_one_out(coarse_, without, trials[i].first->fit);
     }
-    out.added = narrowed->added;
-    if (found.gross) {
-      fitted = std::move(narrowed->base);
-      out.recalibrated = recalibrations(fitted, s.options.selection);
-      out.recalibrated_base = model_at(fitted, "Recalibrated beside its own error.");
-      stand_at(coarse, fitted);
+    if (out.verdict != Verdict::ambiguous || trials.size() < 2) return;
+    s_.tick("looking for the experiment that would decide", 0.91);
+    out.next_experiment = choose_experiment(coarse_, s_.noise, trials[0].first->fit, trials[1].first->fit,
+                                            s_.options.selection);
+  }
+
+  // Where nothing could be named, or what was named leaves a material rest.
+  void improve_beyond_effects() {
+    if (s_.out.verdict == Verdict::nothing_missing || found_.selection.sufficient ||
+        !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor))
+      return;
+    auto task = improvement_task(s_, fine_.simulation());
+    task.named = s_.out.added;
+    improved_ = improve(after_.hypothesis, after_.z, task);
+  }
+
+  void tell_improvement() {
+    auto& out = s_.out;
+    if (found_.gross || improved_->added.size() > out.added.size()) {
+      after_.hypothesis = improved_->hypothesis;
+      after_.z = improved_->z;
+      stand_at(coarse_, after_);
+      out.added = improved_->added;
     }
-    if (narrowed->named) tell_named(*narrowed, s.options.selection, out);
+    if (found_.gross) {
+      before_ = std::move(improved_->base);
+      out.recalibrated = recalibrations(before_, s_.options.selection);
+      out.recalibrated_base = model_at(before_, "Recalibrated beside its own error.");
+      stand_at(coarse_, before_);
+      if (improved_->named) summarize_named(*improved_, s_.options.selection, out);
+    }
+    const bool tables = std::ranges::any_of(out.added, &AddedTerm::empirical);
     out.improved =
-        model_at(after, narrowed->named ? "Recalibrated, with what was found missing."
-                                        : "Recalibrated, with terms that narrow a gap that has no name.");
+        model_at(after_, !improved_->named ? "Recalibrated, with terms that narrow a gap that has no name."
+                         : tables ? "Recalibrated, with what was found missing, and tables for the rest."
+                                  : "Recalibrated, with what was found missing.");
   }
-  if (out.verdict == Verdict::unknown) {
-    const auto explained = fit_residual_basis(coarse, fitted);
-    out.family = explained.family;
+
+  void tell_where() {
+    const auto explained = fit_residual_basis(coarse_, before_);
+    s_.out.family = explained.family;
     // So far off, plain functions of the signals would have to be of any size.
-    if (!found.gross) out.signals = reconstruct_signals(coarse, fitted, explained);
+    if (!found_.gross) s_.out.signals = reconstruct_signals(coarse_, before_, explained);
   }
-  s.tick("the proof", 0.95);
-  std::set<std::size_t> unexplained_locked;
-  const bool added = !out.added.empty();
-  const auto figures = [&](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
-    return found.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f);
-  };
-  const auto before_it = figures(fine, coarse, fitted),
-             after_it = added ? figures(fine, coarse, after) : before_it;
-  out.where = excess_by_segment_class(fine, before_it.standardized);
-  out.train.before = rms_by_channel(fine, before_it.standardized);
-  out.train.after = rms_by_channel(fine, after_it.standardized);
-  out.share = share_explained(before_it.standardized, after_it.standardized);
-  out.left = left_by_channel(fine, after_it.standardized);
-  out.remainder = remainder_of(s, coarse, after, excess_by_segment_class(fine, after_it.standardized));
-  if (!s.held_out.empty()) {
-    const WhitenedRecordings locked(s.bench, s.noise, s.held_out, fine.simulation(), s.threads);
-    const WhitenedRecordings locked_coarse(s.bench, s.noise, s.held_out, coarse.simulation(), s.threads);
-    const auto locked_before = figures(locked, locked_coarse, fitted),
-               locked_after = added ? figures(locked, locked_coarse, after) : locked_before;
-    unexplained_locked = unexplained(locked, locked_before.standardized, s.options.selection);
-    out.held_out.before = rms_by_channel(locked, locked_before.standardized);
-    out.held_out.after = rms_by_channel(locked, locked_after.standardized);
-    out.share_held_out = share_explained(locked_before.standardized, locked_after.standardized);
-    out.traces = traces(locked, locked_before, locked_after, 2, true);
+
+  std::set<std::size_t> prove() {
+    s_.tick("the proof", 0.95);
+    auto& out = s_.out;
+    std::set<std::size_t> unexplained_locked;
+    const bool added = !out.added.empty();
+    const auto figures = [this](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
+      return found_.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f);
+    };
+    const auto before = figures(fine_, coarse_, before_),
+               after = added ? figures(fine_, coarse_, after_) : before;
+    out.where = excess_by_segment_class(fine_, before.standardized);
+    out.train.before = rms_by_channel(fine_, before.standardized);
+    out.train.after = rms_by_channel(fine_, after.standardized);
+    out.share = share_explained(before.standardized, after.standardized);
+    out.left = left_by_channel(fine_, after.standardized);
+    out.remainder = remainder_of(s_, coarse_, after_, excess_by_segment_class(fine_, after.standardized));
+    if (!s_.held_out.empty()) {
+      const WhitenedRecordings locked(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads);
+      const WhitenedRecordings locked_coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(),
+                                             s_.threads);
+      const auto locked_before = figures(locked, locked_coarse, before_),
+                 locked_after = added ? figures(locked, locked_coarse, after_) : locked_before;
+      unexplained_locked = unexplained(locked, locked_before.standardized, s_.options.selection);
+      out.held_out.before = rms_by_channel(locked, locked_before.standardized);
+      out.held_out.after = rms_by_channel(locked, locked_after.standardized);
+      out.share_held_out = share_explained(locked_before.standardized, locked_after.standardized);
+      out.traces = traces(locked, locked_before, locked_after, 2, true);
+    }
+    // A term that was named alone by noise takes all that is taken; what each of two takes was not asked.
+    if (!improved_ && out.added.size() == 1) {
+      out.added.front().share = out.share;
+      if (!s_.held_out.empty()) out.added.front().share_held_out = out.share_held_out;
+    }
+    for (auto& t : traces(fine_, before, after, 4, false)) out.traces.push_back(std::move(t));
+    out.health.simulations += coarse_.simulations();
+    return unexplained_locked;
   }
-  // A term that was named alone by noise takes all that is taken; what each of two takes was not asked.
-  if (!narrowed && out.added.size() == 1) {
-    out.added.front().share = out.share;
-    if (!s.held_out.empty()) out.added.front().share_held_out = out.share_held_out;
-  }
-  for (auto& t : traces(fine, before_it, after_it, 4, false)) out.traces.push_back(std::move(t));
-  out.health.simulations += coarse.simulations();
-  return unexplained_locked;
-}
+
+  Session& s_;
+  Hypothesis base_;
+  WhitenedRecordings coarse_, fine_;
+  WorkflowResult found_;
+  std::optional<Improvement> improved_;
+  Fit before_, after_;  // the recalibrated base, and with what is added
+};
 
 }  // namespace
 }  // namespace inference
@@ -325,7 +340,8 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   check_floor(options.floor);
   Session s(options);
   s.tick("reading the recordings", 0);
-  const auto candidates = candidates_of(base, options.candidates);
+  s.candidates = candidates_of(base, options.candidates);
+  s.tables = empirical_terms();
   check_recordings(recordings);
   for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
   s.tick("choosing the specimen's past", 0.005);
@@ -341,9 +357,10 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
         n = {s.noise[r][c].std(), s.noise[r][c].slow > 0, s.noise[r][c].correlation_time};
     }
 
+  drop_untestable(s);
   const auto as_read = s.out;
   split(s, held_out_by(s));
-  auto unexplained_locked = train_and_validate(s, base, candidates);
+  auto unexplained_locked = Inquiry(s, base).run();
   if (s.out.verdict == Verdict::nothing_missing && !unexplained_locked.empty() && options.held_out.empty()) {
     // What is missing shows in those alone, so they are learned from, and others are held out.
     const int simulations = s.out.health.simulations;
@@ -355,7 +372,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
     const auto tick = s.tick;
     s.tick = [tick](const std::string& stage, double f) { tick(stage, 0.95 + 0.05 * f); };
     split(s, choose_held_out(s.bench, unexplained_locked));
-    unexplained_locked = train_and_validate(s, base, candidates);
+    unexplained_locked = Inquiry(s, base).run();
   }
   auto& out = s.out;
   if (out.verdict == Verdict::nothing_missing && !unexplained_locked.empty())

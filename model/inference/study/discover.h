@@ -145,17 +145,17 @@ struct DiscoverProgress {
 };
 
 struct DiscoverOptions {
-  std::vector<std::string> held_out;  // names; empty: chosen
+  std::vector<std::string> held_out{};  // names; empty: chosen
   // Effects that may be named; empty: the whole catalogue, and for tables what of it is not the drive's or a
   // sensor's.
-  std::vector<std::string> candidates;
+  std::vector<std::string> candidates{};
   // What is left counts as material above this share of a channel's range.
   double floor = 0.002;
   std::uint64_t seed = 1;
   int threads = 0;  // 0: as many as the machine has
   inference::SelectionOptions selection{};
   // Called now and then; false stops with Error(cancelled).
-  std::function<bool(const DiscoverProgress&)> progress;
+  std::function<bool(const DiscoverProgress&)> progress{};
   // Asked all the time, from several threads; true stops with Error(cancelled) at once, whatever goes on.
   std::function<bool()> stop{};
 };

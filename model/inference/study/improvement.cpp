@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <tuple>
 #include <utility>
 
@@ -12,7 +13,7 @@
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/empirical_term.h"
-#include "recordings/analysis/statistics.h"
+#include "model/inference/study/model_error.h"
 
 namespace ferrobench::model::inference {
 namespace {
@@ -22,9 +23,6 @@ constexpr double least_gain = 10;
 // Shares of the excess that a term has to take away where nothing is named. A mechanism that does less is no
 // better than a table, and moves parameters that it has nothing to do with; a table has to hold.
 constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
-// The integrated autocorrelation is what a constant sees. What parameters and terms do changes a few times
-// along a loop, where an error so correlated has about a quarter of that power.
-constexpr double along_a_loop = 0.25;
 constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
 // Rounds in which fit and error are made to agree with each other; both move little after two.
 constexpr int settling_rounds = 2;
@@ -57,14 +55,15 @@ class Improver {
     Place at{base, z};
     at.hypothesis.reach = 1;
     for (int i = 0; i < settling_rounds; ++i) settle(at);
-    for (int i = 0; i < settling_rounds && other_pasts(at); ++i) settle(at);
+    if (!task_.presumed_past)
+      for (int i = 0; i < settling_rounds && other_pasts(at); ++i) settle(at);
     out_.base = fit_;
-    auto remaining = task_.candidates;
-    demanded_ = task_.selection.material_share;
-    while (out_.added.size() < most_named && material_ && add_effect(at, remaining)) {
-    }
+    out_.added = task_.named;
+    if (out_.added.empty()) name(at);
     out_.named = !out_.added.empty();
     if (!out_.named) narrow(at);
+    add_tables(at);
+    if (!task_.presumed_past && !out_.named && !out_.added.empty() && other_pasts(at)) settle(at);
     tell_values(at);
     out_.hypothesis = std::move(at.hypothesis);
     out_.z = std::move(at.z);
@@ -72,6 +71,13 @@ class Improver {
   }
 
  private:
+  void name(Place& at) {
+    auto remaining = task_.candidates;
+    demanded_ = task_.selection.material_share;
+    while (out_.added.size() < most_named && material_ && add_effect(at, remaining)) {
+    }
+  }
+
   void narrow(Place& at) {
     trust_instruments(at.hypothesis, at.z);
     for (int i = 0; i < settling_rounds; ++i) settle(at);
@@ -80,11 +86,13 @@ class Improver {
     demanded_ = least_share_of_effect;
     while (out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
     }
+  }
+
+  void add_tables(Place& at) {
     demanded_ = least_share_of_table;
-    auto ports = empirical_terms();
+    auto ports = task_.tables;
     while (material_ && add_empirical(at, ports)) {
     }
-    if (!out_.added.empty() && other_pasts(at)) settle(at);
   }
 
   void tick(const std::string& stage) const {
@@ -95,27 +103,31 @@ class Improver {
     return {.iterations = iterations, .enough = 0.1, .tick = [this, stage] { tick(stage); }};
   }
 
+  std::vector<protocols::Past> pasts() const {
+    std::vector<protocols::Past> out;
+    for (const auto& r : *task_.bench) out.push_back(r.header.past);
+    return out;
+  }
+
   // Gives each recording another past if that is likelier where the model stands now; whether any has one.
   bool other_pasts(const Place& at) const {
     if (!task_.choose_pasts) return false;
     tick("choosing the specimen's past");
-    std::vector<protocols::Past> pasts;
-    std::vector<std::size_t> all;
-    for (std::size_t r = 0; r < task_.bench->size(); ++r) {
-      pasts.push_back((*task_.bench)[r].header.past);
-      all.push_back(r);
-    }
+    auto chosen = pasts();
+    std::vector<std::size_t> all(chosen.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
     const auto others = task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
     const auto before = miss(at, all);
     task_.set_pasts(others);
     const auto after = miss(at, all);
     bool any = false;
     for (const std::size_t r : all) {
-      if (!(excess({after[r]}, {r}) < excess({before[r]}, {r}))) continue;
-      any = any || pasts[r] != others[r];
-      pasts[r] = others[r];
+      if (!(excess_beside_error(noise_, {after[r]}, {r}) < excess_beside_error(noise_, {before[r]}, {r})))
+        continue;
+      any = any || chosen[r] != others[r];
+      chosen[r] = others[r];
     }
-    task_.set_pasts(pasts);
+    task_.set_pasts(chosen);
     return any;
   }
 
@@ -123,50 +135,6 @@ class Improver {
   Signals miss(const Place& at, const std::vector<std::size_t>& recordings) const {
     const WhitenedRecordings fine(*task_.bench, *task_.noise, recordings, simulation_, task_.threads);
     return predict(fine, at.hypothesis, at.z).standardized;
-  }
-
-  // Sum of squares above the noise's, over the variance of noise and model error together.
-  double excess(const Signals& standardized, const std::vector<std::size_t>& recordings) const {
-    double out = 0;
-    for (std::size_t i = 0; i < recordings.size(); ++i)
-      for (std::size_t c = 0; c < standardized[i].size(); ++c) {
-        const auto& n = noise_[recordings[i]][c];
-        const double weight = 1 / (1 + std::pow(n.model_error / n.std(), 2));
-        for (const double e : standardized[i][c])
-          if (!std::isnan(e)) out += (e * e - 1) * weight;
-      }
-    return out;
-  }
-
-  // A model that is wrong is not equally wrong everywhere, so each channel of each recording has an error of
-  // its own: what noise leaves of its mean square. Else the few that cannot be explained at all would bend
-  // the parameters for all others. None is smaller than half of the channel's median over the range.
-  void estimate_errors(const Signals& standardized, const std::vector<std::size_t>& recordings) {
-    std::map<recordings::Channel, std::vector<double>> of_range;
-    for (std::size_t i = 0; i < recordings.size(); ++i)
-      for (std::size_t c = 0; c < standardized[i].size(); ++c) {
-        auto& n = noise_[recordings[i]][c];
-        const auto& m = (*task_.bench)[recordings[i]].channels[c];
-        std::vector<double> rows;
-        double squares = 0;
-        for (const double e : standardized[i][c]) {
-          if (std::isnan(e)) continue;
-          rows.push_back(e);
-          squares += e * e - 1;
-        }
-        const auto count = std::max<double>(1, static_cast<double>(rows.size()));
-        n.model_error = n.std() * std::sqrt(std::max(0.0, squares) / count);
-        n.rows_as_one = std::max(1.0, along_a_loop * correlated_rows(Eigen::Map<const Eigen::VectorXd>(
-                                                         rows.data(), std::ssize(rows))));
-        of_range[m.channel].push_back(n.model_error / m.range);
-      }
-    for (const std::size_t r : recordings)
-      for (std::size_t c = 0; c < noise_[r].size(); ++c) {
-        const auto& m = (*task_.bench)[r].channels[c];
-        const double usual = recordings::median(of_range.at(m.channel));
-        noise_[r][c].model_error =
-            std::max({noise_[r][c].model_error, 0.5 * usual * m.range, least_error * m.range});
-      }
   }
 
   void settle(Place& at) {
@@ -178,14 +146,9 @@ class Improver {
 
   // The model's error by what it misses where it stands, the residuals under it, and the fit to these.
   void fit_beside_error(Place& at) {
-    estimate_errors(learned_, task_.train);
-    estimate_errors(locked_, task_.held_out);
-    const auto is_material = [&](std::size_t r) {
-      for (std::size_t c = 0; c < noise_[r].size(); ++c)
-        if (noise_[r][c].model_error > task_.floor * (*task_.bench)[r].channels[c].range) return true;
-      return false;
-    };
-    material_ = std::ranges::any_of(task_.train, is_material);
+    estimate_model_errors(*task_.bench, learned_, task_.train, noise_);
+    estimate_model_errors(*task_.bench, locked_, task_.held_out, noise_);
+    material_ = is_error_material(*task_.bench, noise_, task_.train, task_.floor);
     residuals_ =
         std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
     if (!chosen_) {
@@ -326,29 +289,49 @@ class Improver {
     return false;
   }
 
-  bool accept(Place& at, Place next, const Effect* effect) {
+  // What a term takes away, on recordings that were learned from and on those that were locked.
+  struct Trial {
+    Signals learned, locked;
+    double share = 0, share_held_out = 0;
+    double least() const { return std::min(share, share_held_out); }
+  };
+
+  Trial weigh(const Place& next) const {
     const auto share_of = [&](const Signals& before, const Signals& after,
                               const std::vector<std::size_t>& recordings) {
-      return 1 - excess(after, recordings) / excess(before, recordings);
+      return 1 -
+             excess_beside_error(noise_, after, recordings) / excess_beside_error(noise_, before, recordings);
     };
-    auto learned = miss(next, task_.train), locked = miss(next, task_.held_out);
-    const double share = share_of(learned_, learned, task_.train);
+    Trial out{.learned = miss(next, task_.train), .locked = miss(next, task_.held_out)};
+    out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
     // What does not show in the locked recordings cannot be proved there; it must not come to show there
     // either.
     const auto shows = [&](const Signals& standardized) {
       return mean_square(standardized) > 1 + task_.selection.lack_of_fit;
     };
-    const bool proof = !task_.held_out.empty() && (shows(locked_) || shows(locked));
-    const double held = proof ? share_of(locked_, locked, task_.held_out) : share;
-    if (std::min(share, held) < demanded_) return false;
+    if (!task_.held_out.empty() && (shows(locked_) || shows(out.locked)))
+      out.share_held_out = share_of(locked_, out.locked, task_.held_out);
+    return out;
+  }
+
+  bool accept(Place& at, Place next, const Effect* effect) {
+    auto trial = weigh(next);
+    // A table remembers turning points, so that a past shows which the model before it did not feel.
+    if (trial.least() < demanded_ && effect->empirical) {
+      const auto before = pasts();
+      if (other_pasts(next)) trial = weigh(next);
+      if (trial.least() < demanded_ && task_.set_pasts) task_.set_pasts(before);
+    }
+    if (trial.least() < demanded_) return false;
     at = std::move(next);
-    out_.added.push_back(
-        {.term = {.id = std::string(effect->id), .parameters = {}},
-         .empirical = effect->empirical,
-         .share = std::max(0.0, share),
-         .share_held_out = task_.held_out.empty() ? std::nullopt : std::optional(std::max(0.0, held))});
-    learned_ = std::move(learned);
-    locked_ = std::move(locked);
+    out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
+                          .empirical = effect->empirical,
+                          .share = std::max(0.0, trial.share),
+                          .share_held_out = task_.held_out.empty()
+                                                ? std::nullopt
+                                                : std::optional(std::max(0.0, trial.share_held_out))});
+    learned_ = std::move(trial.learned);
+    locked_ = std::move(trial.locked);
     fit_beside_error(at);
     return true;
   }
@@ -359,6 +342,7 @@ class Improver {
     const auto& moved = at.hypothesis.parameters;
     for (auto& added : out_.added) {
       const auto& effect = find_effect(added.term.id);
+      added.term.parameters.clear();
       for (const auto& p : effect.parameters) {
         const auto path = "effects." + added.term.id + "." + std::string(p.name);
         const double value = get_parameter(setting_at(at.hypothesis, at.z).model, path);
@@ -376,7 +360,6 @@ class Improver {
   }
 
   static constexpr int width_rounds = 3;
-  static constexpr double least_error = 1e-5;  // of the range: the likelihood needs one above zero
 
   const ImprovementTask& task_;
   std::vector<std::vector<NoiseModel>> noise_;  // with the model's error

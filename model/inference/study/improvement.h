@@ -1,7 +1,8 @@
 // A model that is wrong by more than noise. One or two effects are named if each takes a material share of
 // what stands before it, on recordings that were learned from and on those that were locked away. Where there
 // is none the gap is narrowed all the same: the base model gets terms, each of which must make it likelier
-// and must hold on the locked recordings, however little is known of why.
+// and must hold on the locked recordings, however little is known of why. What named effects leave is
+// narrowed by data-driven terms alone.
 //
 // The model stays wrong by more than noise, so its own error is part of the likelihood (observation/noise.h),
 // estimated again after every term. With s_k the sum of squares that a model with k more numbers leaves of n
@@ -25,7 +26,9 @@ struct ImprovementTask {
   const std::vector<BenchRecording>* bench = nullptr;
   const std::vector<std::vector<NoiseModel>>* noise = nullptr;
   std::vector<std::size_t> train, held_out;
-  std::vector<const Effect*> candidates;
+  std::vector<const Effect*> candidates, tables;  // effects, and empirical terms, that may be added
+  // Effects that the base has been given and that are named already; empty: none, they are looked for.
+  std::vector<AddedTerm> named{};
   SimulationOptions simulation;  // the fine one; what stops it is used in all
   int threads = 1;
   SelectionOptions selection;  // its material_share and lack_of_fit
@@ -34,6 +37,8 @@ struct ImprovementTask {
   // the bench. Null: none is to be chosen.
   std::function<std::vector<protocols::Past>(const Model&)> choose_pasts{};
   std::function<void(const std::vector<protocols::Past>&)> set_pasts{};
+  bool presumed_past =
+      true;  // poled towards + has been presumed; only what a table brings may speak against it
   std::function<void(const std::string& stage, double fraction)> tick;
 };
 

@@ -103,6 +103,24 @@ std::map<recordings::Channel, Left> left_by_channel(const WhitenedRecordings& re
   return out;
 }
 
+std::map<recordings::Channel, Left> left_at(const WhitenedRecordings& residuals, const Hypothesis& hypothesis,
+                                            const Eigen::VectorXd& z) {
+  return left_by_channel(residuals, predict(residuals, hypothesis, z).standardized);
+}
+
+bool is_gross(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
+  constexpr double over_noise = 10, of_range = 0.02;
+  return std::ranges::any_of(left_at(residuals, hypothesis, z), [](const auto& l) {
+    return l.second.over_noise > over_noise && l.second.of_range > of_range;
+  });
+}
+
+bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                 double floor) {
+  return std::ranges::any_of(left_at(residuals, hypothesis, z),
+                             [&](const auto& l) { return l.second.model_error > floor; });
+}
+
 double mean_square(const Signals& standardized) {
   const auto squares = squares_of(standardized);
   return squares.count > 0 ? squares.mean() : 0;

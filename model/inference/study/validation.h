@@ -30,6 +30,15 @@ std::set<std::size_t> unexplained(const WhitenedRecordings& residuals, const Sig
                                   const SelectionOptions& options);
 std::map<recordings::Channel, Left> left_by_channel(const WhitenedRecordings& residuals,
                                                     const Signals& standardized);
+std::map<recordings::Channel, Left> left_at(const WhitenedRecordings& residuals, const Hypothesis& hypothesis,
+                                            const Eigen::VectorXd& z);
+// Whether the model is so far off that its own error, and not noise, is what effects have to be told from: in
+// a channel more than ten times the noise and 2 % of the range. Of twelve benches of the campaign whose
+// physics is the model's recalibration left at most 5.1 times the noise; one large effect can leave more.
+bool is_gross(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z);
+// Whether the model's own error is more than this share of a channel's range anywhere.
+bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                 double floor);
 // Over all rows.
 double mean_square(const Signals& standardized);
 // The share of the excess before that is gone after, 0 to 1; 0 where there was none.

@@ -81,10 +81,12 @@ Ticker ticker(const DiscoverOptions& options) {
   struct Asked {
     std::mutex mutex;
     bool stopped = false;  // once said, it is not asked again by other threads
+    double fraction = 0;   // told so far: what is asked again goes on from there
   };
   return [&options, asked = std::make_shared<Asked>()](const std::string& stage, double fraction) {
     const std::scoped_lock lock(asked->mutex);
-    asked->stopped = asked->stopped || (options.progress && !options.progress({stage, fraction}));
+    asked->fraction = std::max(asked->fraction, fraction);
+    asked->stopped = asked->stopped || (options.progress && !options.progress({stage, asked->fraction}));
     if (asked->stopped) throw Error(ErrorCode::cancelled, "the search was stopped");
   };
 }
@@ -188,6 +190,30 @@ void summarize(const WorkflowResult& found, const SelectionOptions& options, Dis
     out.health.allowed_left = allowed_remainder(options, t.drop);
     break;
   }
+}
+
+void summarize_named(const Improvement& found, const SelectionOptions& options, Discovery& out) {
+  double share = 1;
+  Explanation named;
+  for (const auto& a : found.added) {
+    if (a.empirical) continue;
+    share = std::min({share, a.share.value_or(1), a.share_held_out.value_or(1)});
+    named.effects.push_back(a.term);
+  }
+  out.probability_unknown = probability_of_unknown(share, options);
+  out.probability_nothing = 0;
+  out.explanations.clear();
+  for (const auto& [effect, probability] : found.rivals) {
+    auto rival = named;
+    if (effect->id != named.effects.back().id)
+      rival.effects.back() = {.id = std::string(effect->id), .parameters = {}};
+    rival.probability = probability * (1 - out.probability_unknown);
+    if (probability > options.least_probability) out.explanations.push_back(std::move(rival));
+  }
+  const bool first = found.rivals.front().first->id == named.effects.back().id;
+  out.verdict =
+      first && found.rivals.front().second > options.confident ? Verdict::named : Verdict::ambiguous;
+  out.family = find_effect(named.effects.front().id).family;
 }
 
 }  // namespace ferrobench::model::inference

@@ -8,6 +8,7 @@
 
 #include "model/inference/selection/verdict.h"
 #include "model/inference/study/discover.h"
+#include "model/inference/study/improvement.h"
 
 namespace ferrobench::model::inference {
 
@@ -61,5 +62,7 @@ std::map<std::string, Recalibration> recalibrations(const Fit& fit, const Select
 Model model_at(const Fit& fit, const std::string& note);
 // Fills in what the workflow says of effects, parameters and models.
 void summarize(const WorkflowResult& found, const SelectionOptions& options, Discovery& out);
+// Verdict and explanations of an improvement that looked for names itself and found some.
+void summarize_named(const Improvement& found, const SelectionOptions& options, Discovery& out);
 
 }  // namespace ferrobench::model::inference

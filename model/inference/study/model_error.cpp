@@ -1,0 +1,73 @@
+#include "model/inference/study/model_error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "model/inference/solver/covariance.h"
+#include "recordings/analysis/statistics.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+// The integrated autocorrelation is what a constant sees. What parameters and terms do changes a few times
+// along a loop, where an error so correlated has about a quarter of that power.
+constexpr double along_a_loop = 0.25;
+constexpr double least_error = 1e-5;  // of the range: the likelihood needs one above zero
+constexpr double least_of_median = 0.5;
+
+}  // namespace
+
+void estimate_model_errors(const std::vector<BenchRecording>& bench, const Signals& standardized,
+                           const std::vector<std::size_t>& recordings,
+                           std::vector<std::vector<NoiseModel>>& noise) {
+  std::map<recordings::Channel, std::vector<double>> of_range;
+  for (std::size_t i = 0; i < recordings.size(); ++i)
+    for (std::size_t c = 0; c < standardized[i].size(); ++c) {
+      auto& n = noise[recordings[i]][c];
+      const auto& m = bench[recordings[i]].channels[c];
+      std::vector<double> rows;
+      double squares = 0;
+      for (const double e : standardized[i][c]) {
+        if (std::isnan(e)) continue;
+        rows.push_back(e);
+        squares += e * e - 1;
+      }
+      const auto count = std::max<double>(1, static_cast<double>(rows.size()));
+      n.model_error = n.std() * std::sqrt(std::max(0.0, squares) / count);
+      n.rows_as_one = std::max(1.0, along_a_loop * correlated_rows(Eigen::Map<const Eigen::VectorXd>(
+                                                       rows.data(), std::ssize(rows))));
+      of_range[m.channel].push_back(n.model_error / m.range);
+    }
+  for (const std::size_t r : recordings)
+    for (std::size_t c = 0; c < noise[r].size(); ++c) {
+      const auto& m = bench[r].channels[c];
+      const double usual = ferrobench::recordings::median(of_range.at(m.channel));
+      noise[r][c].model_error =
+          std::max({noise[r][c].model_error, least_of_median * usual * m.range, least_error * m.range});
+    }
+}
+
+double excess_beside_error(const std::vector<std::vector<NoiseModel>>& noise, const Signals& standardized,
+                           const std::vector<std::size_t>& recordings) {
+  double out = 0;
+  for (std::size_t i = 0; i < recordings.size(); ++i)
+    for (std::size_t c = 0; c < standardized[i].size(); ++c) {
+      const auto& n = noise[recordings[i]][c];
+      const double weight = 1 / (1 + std::pow(n.model_error / n.std(), 2));
+      for (const double e : standardized[i][c])
+        if (!std::isnan(e)) out += (e * e - 1) * weight;
+    }
+  return out;
+}
+
+bool is_error_material(const std::vector<BenchRecording>& bench,
+                       const std::vector<std::vector<NoiseModel>>& noise,
+                       const std::vector<std::size_t>& recordings, double floor) {
+  for (const std::size_t r : recordings)
+    for (std::size_t c = 0; c < noise[r].size(); ++c)
+      if (noise[r][c].model_error > floor * bench[r].channels[c].range) return true;
+  return false;
+}
+
+}  // namespace ferrobench::model::inference
