@@ -122,7 +122,9 @@ void check_scale(const BenchRecording& r, const Model& model, const SimulationOp
     if (!(sxx > 0) || !(syy > 0)) continue;
     const double correlation = sxy / std::sqrt(sxx * syy), ratio = std::sqrt(syy / sxx);
     if (correlation * correlation < 0.25 || 3 * m.scatter > std::sqrt(syy / n)) continue;
-    if (correlation < 0)
+    // A specimen that was poled the other way, or half of it, moves the other way as well.
+    const auto& past = r.header.past;
+    if (correlation < 0 && (!past.known() || past.kind == protocols::PastKind::poled_plus))
       refuse(r.name, channel_path(m.channel), "moves against the model: its sign is wrong",
              "turn the channel's sign; field along poling, extension and compressive force are positive");
     if (ratio > 30 || ratio < 1.0 / 30)

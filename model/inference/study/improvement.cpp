@@ -78,9 +78,14 @@ class Improver {
     }
   }
 
-  void narrow(Place& at) {
+  // The model is handed on without gains and offsets, so what is fitted to the rest must not count on them.
+  void fit_without_instruments(Place& at) {
     trust_instruments(at.hypothesis, at.z);
     for (int i = 0; i < settling_rounds; ++i) settle(at);
+  }
+
+  void narrow(Place& at) {
+    fit_without_instruments(at);
     out_.base = fit_;
     auto remaining = task_.candidates;
     demanded_ = least_share_of_effect;
@@ -89,6 +94,7 @@ class Improver {
   }
 
   void add_tables(Place& at) {
+    if (out_.named && material_) fit_without_instruments(at);
     demanded_ = least_share_of_table;
     auto ports = task_.tables;
     while (material_ && add_empirical(at, ports)) {
