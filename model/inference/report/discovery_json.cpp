@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "model/inference/report/discovery_report.h"
+#include "recordings/format/version.h"
 
 namespace ferrobench::model {
 namespace {
@@ -62,7 +63,8 @@ nlohmann::json to_json(const Discovery& d) {
                             {"excess", w.excess}});
   out["recalibrated"] = json::object();
   for (const auto& [path, r] : d.recalibrated)
-    out["recalibrated"][path] = {{"from", r.from}, {"to", r.to}, {"std", r.std}};
+    out["recalibrated"][path] = {
+        {"from", r.from}, {"to", r.to}, {"std", r.std}, {"over_prior", r.over_prior}};
   out["gap"] = {{"train", gap(d.train)}, {"held_out", gap(d.held_out)}};
   out["left"] = json::object();
   for (const auto& [channel, l] : d.left)
@@ -118,6 +120,19 @@ nlohmann::json to_json(const Discovery& d) {
   for (const auto& [channel, n] : h.noise)
     noise[std::string(recordings::channel_name(channel))] = {
         {"std", n.std}, {"correlated", n.correlated}, {"correlation_time_s", n.correlation_time}};
+  json sources = json::array();
+  for (const auto& s : d.asked.sources)
+    sources.push_back(
+        {{"name", s.name}, {"title", s.title}, {"identifier", s.identifier}, {"start_time", s.start_time}});
+  out["asked"] = {{"time", d.asked.time},
+                  {"software", recordings::software_version()},
+                  {"commit", recordings::software_commit()},
+                  {"model", to_json(d.asked.model)},
+                  {"sources", sources},
+                  {"held_out", d.asked.held_out},
+                  {"candidates", d.asked.candidates},
+                  {"floor", d.asked.floor},
+                  {"seed", d.asked.seed}};
   out["health"] = {{"seconds", h.seconds},
                    {"simulations", h.simulations},
                    {"numerical_error_over_noise", h.numerical_error_over_noise},

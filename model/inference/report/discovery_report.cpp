@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "model/inference/report/discovery_pictures.h"
+#include "recordings/format/version.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/table.h"
 
@@ -117,6 +118,20 @@ std::vector<std::string> moved(const Discovery& d) {
     out.push_back(
         fmt::format("{} {:+.1f} % ({:.4g} to {:.4g}, ± {:.2g})", path, 100 * share, r.from, r.to, r.std));
   }
+  return out;
+}
+
+// Moves that what is known of the parameter or the instrument speaks against: a finding in themselves.
+constexpr double astonishing = 3;  // standard deviations of the prior
+
+std::vector<std::string> astonishing_moves(const Discovery& d) {
+  std::vector<std::string> out;
+  for (const auto& [path, r] : d.recalibrated)
+    if (std::abs(r.over_prior) > astonishing)
+      out.push_back(fmt::format(
+          "{} went from {:.4g} to {:.4g}, {:.1f} standard deviations of what was known of it: check the "
+          "instrument, or what the model states.",
+          path, r.from, r.to, std::abs(r.over_prior)));
   return out;
 }
 
@@ -233,6 +248,8 @@ std::vector<Section> sections(const Discovery& d) {
     rivals.lines.push_back(fmt::format("To decide, run the protocol {}: expected odds {:.3g} : 1.",
                                        d.next_experiment->protocol, d.next_experiment->expected_odds));
   if (!rivals.lines.empty()) out.push_back(rivals);
+  if (auto lines = astonishing_moves(d); !lines.empty())
+    out.push_back({"What moved beyond what was known of it", std::move(lines)});
   Section changed{"What changed only as a parameter", moved(d)};
   if (changed.lines.empty()) changed.lines.emplace_back("No parameter moved by more than its uncertainty.");
   out.push_back(changed);
@@ -245,21 +262,55 @@ std::vector<Section> sections(const Discovery& d) {
   if (limits.lines.empty())
     limits.lines.emplace_back("Every effect of the catalogue would have shown at a plausible size.");
   out.push_back(limits);
-  Section health{"Health", {}};
-  health.lines.push_back(fmt::format(
-      "{} simulations in {:.0f} s; own numerical error {:.2f} of the noise; {} starts of the recalibration.",
-      d.health.simulations, d.health.seconds, d.health.numerical_error_over_noise, d.health.starts));
-  if (d.verdict != Verdict::nothing_missing)
-    health.lines.push_back(fmt::format(
-        "Left after the explanation: {:.0f} of {:.0f} allowed (drop of the sum of squares by anything more).",
-        d.health.largest_left, d.health.allowed_left));
+  return out;
+}
+
+recordings::Table pairs_table(const std::string& key, const std::string& title) {
+  recordings::Table out;
+  out.key = key;
+  out.title = title;
+  out.columns = {{"what", "", ""}, {"value", "", ""}};
+  return out;
+}
+
+recordings::Table health_table(const Discovery& d) {
+  auto out = pairs_table("health", "Health");
+  const auto row = [&out](const std::string& what, const std::string& value) {
+    out.rows.push_back({what, value});
+  };
+  row("simulations", fmt::format("{} in {:.0f} s", d.health.simulations, d.health.seconds));
+  row("their own numerical error", fmt::format("{:.2f} of the noise", d.health.numerical_error_over_noise));
+  row("starts of the recalibration", fmt::format("{}", d.health.starts));
+  if (d.health.allowed_left > 0)
+    row("left after the explanation",
+        fmt::format("{:.0f} of {:.0f} allowed (drop of the sum of squares by anything more)",
+                    d.health.largest_left, d.health.allowed_left));
   for (const auto& [channel, n] : d.health.noise)
-    health.lines.push_back(
-        fmt::format("Noise of the {}: {:.3g} {}{}.", recordings::channel_name(channel), n.std,
-                    recordings::channel_unit(channel),
+    row(fmt::format("noise of the {}", recordings::channel_name(channel)),
+        fmt::format("{:.3g} {}{}", n.std, recordings::channel_unit(channel),
                     n.correlated ? fmt::format(", correlated over {:.2g} s", n.correlation_time) : ""));
-  for (const auto& w : d.health.warnings) health.lines.push_back(w);
-  out.push_back(health);
+  out.notes = d.health.warnings;
+  return out;
+}
+
+recordings::Table asked_table(const Discovery& d) {
+  const auto& a = d.asked;
+  auto out = pairs_table("asked", "What was asked");
+  const auto row = [&out](const std::string& what, const std::string& value) {
+    out.rows.push_back({what, value});
+  };
+  row("model", a.model.name);
+  for (const auto& s : a.sources)
+    row(&s == a.sources.data() ? "recordings" : "", s.name + (s.title.empty() ? "" : ": " + s.title) +
+                                                        (s.start_time.empty() ? "" : ", " + s.start_time) +
+                                                        (s.identifier.empty() ? "" : ", " + s.identifier));
+  row("locked away", a.held_out.empty() ? "chosen: " + list(d.held_out.recordings) : list(a.held_out));
+  row("candidates", a.candidates.empty() ? "the whole catalogue" : list(a.candidates));
+  row("floor", fmt::format("{:g} % of a channel's range", 100 * a.floor));
+  row("seed", fmt::format("{}", a.seed));
+  row("date", a.time);
+  row("ferrobench",
+      fmt::format("{}, commit {}", recordings::software_version(), recordings::software_commit()));
   return out;
 }
 
@@ -306,8 +357,7 @@ std::vector<recordings::Table> cell_tables(const Discovery& d) {
 
 std::vector<std::string> findings(const Discovery& d) {
   std::vector<std::string> out;
-  for (const auto& s : sections(d))
-    if (s.title != "Health") out.insert(out.end(), s.lines.begin(), s.lines.end());
+  for (const auto& s : sections(d)) out.insert(out.end(), s.lines.begin(), s.lines.end());
   return out;
 }
 
@@ -318,7 +368,7 @@ std::string text_report(const Discovery& d) {
     for (const auto& line : s.lines) out += "  " + line + "\n";
   }
   for (const auto& table : cell_tables(d)) out += "\n" + to_text(table);
-  return out;
+  return out + "\n" + to_text(health_table(d)) + "\n" + to_text(asked_table(d));
 }
 
 std::string html_report(const Discovery& d) {
@@ -337,7 +387,9 @@ std::string html_report(const Discovery& d) {
       body += pictures(d);
   }
   for (const auto& table : cell_tables(d)) body += to_html(table);
-  return recordings::html_frame("What the model misses", body + detectable_table(d));
+  return recordings::html_frame(
+      "What the model misses",
+      body + detectable_table(d) + to_html(health_table(d)) + to_html(asked_table(d)));
 }
 
 }  // namespace ferrobench::model

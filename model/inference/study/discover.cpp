@@ -343,7 +343,12 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   s.candidates = candidates_of(base, options.candidates);
   s.tables = empirical_terms();
   check_recordings(recordings);
-  for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
+  s.out.asked = asked_of(base, options);
+  for (auto& r : recordings) {
+    const auto& h = r.recording.header;
+    s.out.asked.sources.push_back({r.name, h.title, h.entry_identifier, h.start_time});
+    ferrobench::recordings::remove_skew(r.recording);
+  }
   s.tick("choosing the specimen's past", 0.005);
   choose_unknown_pasts(base, recordings, s);
   s.bench =

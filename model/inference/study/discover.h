@@ -35,6 +35,20 @@ struct Excess {
 
 struct Recalibration {
   double from = 0, to = 0, std = 0;
+  double over_prior = 0;  // how far it went, in standard deviations of what was known beforehand
+};
+
+// What was asked and of what, so that an answer can be traced and asked for again.
+struct Asked {
+  struct Source {
+    std::string name, title, identifier, start_time;  // of a recording; of a published table, its name
+  };
+  Model model;
+  std::vector<Source> sources;
+  std::vector<std::string> held_out, candidates;  // as the user wanted them; empty: chosen, all
+  double floor = 0;
+  std::uint64_t seed = 0;
+  std::string time;  // ISO 8601
 };
 
 // By channel; a channel that was not measured is absent. 1 is noise alone.
@@ -106,6 +120,7 @@ struct CellGap {
 };
 
 struct Discovery {
+  Asked asked;
   Verdict verdict = Verdict::nothing_missing;
   std::vector<Explanation> explanations;  // best first; "unknown" and "nothing" take the rest of 1
   double probability_unknown = 0, probability_nothing = 0;

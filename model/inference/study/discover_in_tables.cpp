@@ -68,6 +68,9 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   const auto tick = ticker(options);
   const int threads = threads_of(options);
   Discovery out;
+  out.asked = asked_of(base, options);
+  for (const auto& name : tables)
+    out.asked.sources.push_back({.name = "table " + name, .title = {}, .identifier = {}, .start_time = {}});
   const PublishedExperiments experiments(tables);
   const auto cells = cells_of(experiments);
   const auto runs = runs_of(cells);

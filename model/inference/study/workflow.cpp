@@ -8,6 +8,7 @@
 
 #include "model/inference/search/multistart.h"
 #include "model/inference/selection/forward_selection.h"
+#include "recordings/format/iso_time.h"
 
 namespace ferrobench::model::inference {
 namespace {
@@ -56,9 +57,20 @@ std::map<std::string, Recalibration> recalibrations(const Fit& fit, const Select
     const auto k = static_cast<Eigen::Index>(i);
     out[c.path] = {c.from, c.value(fit.z[k]),
                    interval_inflation(fit, options) * std::abs(c.slope(fit.z[k])) *
-                       std::sqrt(std::max(0.0, covariance(k, k)))};
+                       std::sqrt(std::max(0.0, covariance(k, k))),
+                   fit.z[k]};
   }
   return out;
+}
+
+Asked asked_of(const Model& base, const DiscoverOptions& options) {
+  return {.model = base,
+          .sources = {},
+          .held_out = options.held_out,
+          .candidates = options.candidates,
+          .floor = options.floor,
+          .seed = options.seed,
+          .time = recordings::iso_now()};
 }
 
 Model model_at(const Fit& fit, const std::string& note) {

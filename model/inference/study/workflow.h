@@ -25,6 +25,9 @@ void check_held_out(const std::vector<std::string>& wanted, const std::vector<st
 void check_selection(const SelectionOptions& options);
 void check_floor(double floor);
 
+// Without the sources.
+Asked asked_of(const Model& base, const DiscoverOptions& options);
+
 struct WorkflowOptions {
   std::vector<const Effect*> candidates;
   std::uint64_t seed = 1;
