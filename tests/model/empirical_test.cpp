@@ -3,6 +3,7 @@
 
 #include <numbers>
 
+#include "model/inference/report/empirical_picture.h"
 #include "model/inference/selection/candidates.h"
 #include "tests/model/empirical_reference.h"
 
@@ -297,6 +298,24 @@ TEST(EmpiricalRate, GoesWithDragAndResistance) {
   const auto coarse = run(m, p), fine = simulate(m, p.time, p.field, {.tolerance = 1e-6});
   EXPECT_LT(apart(fine.charge, coarse.charge), 1e-3);
   EXPECT_LT(apart(fine.displacement, coarse.displacement), 1e-3);
+}
+
+TEST(EmpiricalPicture, HasWhatTheTableAddsInItsUnit) {
+  const auto strain = picture_of_empirical(
+      {"empirical_strain", named("empirical_strain", {{"amplitude", 2e-6}, {"field_8", 1}, {"order_4", 3}})});
+  ASSERT_EQ(strain.series.size(), 3U);
+  const auto at_top = [](const recordings::Series& s) {
+    return *std::ranges::max_element(s.points, {}, [](const auto& p) { return p[0]; });
+  };
+  // 2 (f(1) + p g(1)) in 1e-6 for p = 1, -1 and 0, against 1 kV/mm.
+  EXPECT_NEAR(at_top(strain.series[0])[0], 1, 1e-9);
+  EXPECT_NEAR(at_top(strain.series[0])[1], 8, 1e-9);
+  EXPECT_NEAR(at_top(strain.series[1])[1], -4, 1e-9);
+  EXPECT_NEAR(at_top(strain.series[2])[1], 2, 1e-9);
+  const auto drive = picture_of_empirical(
+      {"empirical_drive", named("empirical_drive", {{"amplitude", 1e4}, {"play_0", 1}})});
+  ASSERT_EQ(drive.series.size(), 1U);
+  EXPECT_NEAR(at_top(drive.series[0])[1], 1e-2 * 0.95, 1e-9);
 }
 
 }  // namespace

@@ -1,5 +1,8 @@
 #include "model/inference/report/discovery_pictures.h"
 
+#include <algorithm>
+
+#include "model/inference/report/empirical_picture.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/plot.h"
 
@@ -77,6 +80,10 @@ std::string pictures(const Discovery& d) {
     if (repaired) missed("after", t.after);
     figures.push_back(std::move(f));
   }
+  for (const auto& effect : d.improved.effects)
+    if (std::ranges::any_of(d.added,
+                            [&](const AddedTerm& a) { return a.empirical && a.term.id == effect.id; }))
+      figures.push_back(picture_of_empirical(effect));
   if (figures.empty()) return "";
   const auto drawing = recordings::draw(figures);
   std::string out = "<h2>Where it matters most</h2>\n<div class=\"pair\">\n";
