@@ -3,6 +3,7 @@
 
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,8 @@ namespace ferrobench::recordings {
 struct Series {
   std::string label;                          // "" for none
   std::vector<std::array<double, 2>> points;  // NaN breaks the line
+  double value = NAN;  // its place between the first and the last colour; NaN: its place in the list
+  bool quiet = false;  // grey, behind the others
 };
 
 struct Figure {
@@ -18,6 +21,7 @@ struct Figure {
   bool log_x = false;
   bool square = false;  // for loops; else wide and low
   std::vector<Series> series;
+  std::string note = {};        // what the reader must know of the drawing, "" for nothing
 };
 
 struct Drawing {
