@@ -7,6 +7,7 @@
 #include "base/number_text.h"
 #include "base/units.h"
 #include "recordings/analysis/creep.h"
+#include "recordings/analysis/forc.h"
 #include "recordings/analysis/loops.h"
 #include "recordings/analysis/parts.h"
 #include "recordings/analysis/signals.h"
@@ -146,6 +147,38 @@ Figure loop_figure(const Parts& parts, const std::vector<double>& field, const S
   return figure;
 }
 
+void add_forc(const Forc& forc, std::vector<Figure>& figures) {
+  constexpr double density = volts_per_m_in_kv_per_mm * volts_per_m_in_kv_per_mm;
+  const auto field = scaled(forc.field, volts_per_m_in_kv_per_mm);
+  const auto reversal = scaled(forc.reversal, volts_per_m_in_kv_per_mm);
+  Figure family{.title = "First-order reversal curves",
+                .x_label = "field [kV/mm]",
+                .y_label = "polarization less that at the upper level [C/m²]",
+                .square = true,
+                .series = {}};
+  for (std::size_t k = 0; k < reversal.size(); ++k) {
+    const bool ends = k == 0 || k + 1 == reversal.size();
+    Series series{.label = ends ? "from " + number_text(reversal[k]) + " kV/mm" : "",
+                  .points = {},
+                  .value = reversal[k]};
+    for (std::size_t i = 0; i < field.size(); ++i)
+      series.points.push_back({field[i], forc.polarization[k][i]});
+    family.series.push_back(std::move(series));
+  }
+  figures.push_back(std::move(family));
+  const auto side = std::to_string(2 * forc.smoothing + 1);
+  Figure map{.title = "Distribution of the reversals",
+             .x_label = "field [kV/mm]",
+             .y_label = "reversal field [kV/mm]",
+             .square = true,
+             .series = {},
+             .map = Map{.x = field, .y = reversal, .z = forc.density, .label = "C/m² / (kV/mm)²"},
+             .note = "second-degree polynomials over " + side + " × " + side + " points"};
+  for (auto& row : map.map->z)
+    for (auto& z : row) z *= density;
+  figures.push_back(std::move(map));
+}
+
 }  // namespace
 
 std::vector<std::array<double, 2>> band(const std::vector<double>& x, const std::vector<double>& y,
@@ -189,6 +222,7 @@ std::vector<Figure> make_figures(const Recording& r) {
   for (const auto& channel : channels)
     if (channel.title != "Force" && (channel.title != "Current" || is_stepped(field)))
       out.push_back(loop_figure(parts, field, channel));
+  if (const auto forc = find_forc(r, cycles)) add_forc(*forc, out);
   if (r.has(Channel::displacement))
     add_creep(r, signal(r, Channel::displacement), metre_in_um, "displacement", "µm", out);
   if (r.has(Channel::charge)) add_creep(r, polarization(r), 1, "polarization", "C/m²", out);

@@ -51,6 +51,18 @@ void write_points(const std::string& path, const Series& series) {
   }
 }
 
+void write_map(const std::string& path, const Map& map) {
+  std::ofstream out(path);
+  for (std::size_t row = 0; row < map.y.size(); ++row) {
+    for (std::size_t column = 0; column < map.x.size(); ++column) {
+      const double z = map.z[row][column];
+      out << number_in_full(map.x[column]) << ' ' << number_in_full(map.y[row]) << ' '
+          << (std::isnan(z) ? "NaN" : number_in_full(z)) << '\n';
+    }
+    out << '\n';
+  }
+}
+
 std::string quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("''") : std::string(1, c);
@@ -100,6 +112,21 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
     out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
     out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +
            " noenhanced\n";
+    if (figure.map) {
+      double largest = 0;
+      for (const auto& row : figure.map->z)
+        for (const double z : row)
+          if (!std::isnan(z)) largest = std::max(largest, std::abs(z));
+      const auto name = folder.file(number + "_map.txt");
+      write_map(name, *figure.map);
+      const auto range = number_in_full(largest > 0 ? largest : 1);
+      out +=
+          "set pm3d map corners2color mean\nset palette defined (-1 '#2f7fd8', 0 '#d8d8d8', 1 '#e07020')\n";
+      out += "set cbrange [-" + range + ":" + range + "]\nset cblabel " + quoted(figure.map->label) +
+             " noenhanced\n";
+      out += "splot " + quoted(name) + " using 1:2:3 with pm3d notitle\nunset pm3d\n";
+      continue;
+    }
     out += "plot ";
     const auto colours = colours_of(figure.series);
     for (std::size_t i = 0; i < figure.series.size(); ++i) {

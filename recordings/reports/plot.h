@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,11 +17,19 @@ struct Series {
   bool quiet = false;  // grey, behind the others
 };
 
+// Values over a grid, in colours from blue over grey (0) to orange; NaN stays empty.
+struct Map {
+  std::vector<double> x, y;
+  std::vector<std::vector<double>> z;  // [y][x]
+  std::string label;
+};
+
 struct Figure {
   std::string title, x_label, y_label;
   bool log_x = false;
   bool square = false;  // for loops; else wide and low
   std::vector<Series> series;
+  std::optional<Map> map = {};  // in place of series
   std::string note = {};        // what the reader must know of the drawing, "" for nothing
 };
 
