@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <numeric>
 #include <set>
 
@@ -14,13 +13,6 @@ namespace {
 
 constexpr double alike = 1.02;
 
-template <class Of>
-bool differ(const std::vector<Part>& cycles, Of of) {
-  const auto [low, high] = std::ranges::minmax(cycles, {}, of);
-  const double least = std::invoke(of, low), most = std::invoke(of, high);
-  return least > 0 && most > alike * least;
-}
-
 bool of_one_range(const std::vector<Cycle>& cycles) {
   const auto& [first, span] = std::pair(cycles.front(), cycles.front().high - cycles.front().low);
   return std::ranges::all_of(cycles, [&](const Cycle& c) {
@@ -30,8 +22,15 @@ bool of_one_range(const std::vector<Cycle>& cycles) {
 
 ToldBy told_by(const std::vector<Cycle>& cycles, const std::vector<Part>& parts) {
   if (parts.size() < 2) return ToldBy::cycle;
-  if (of_one_range(cycles)) return differ(parts, &Part::frequency) ? ToldBy::frequency : ToldBy::cycle;
-  return differ(parts, &Part::rate) ? ToldBy::rate : ToldBy::cycle;
+  if (of_one_range(cycles)) {
+    const auto [slow, fast] = std::ranges::minmax(parts, {}, &Part::frequency);
+    return fast.frequency > alike * slow.frequency ? ToldBy::frequency : ToldBy::cycle;
+  }
+  // A single odd cycle, or noise, makes no difference in rate.
+  auto rates = parts;
+  std::ranges::sort(rates, {}, &Part::rate);
+  const double low = rates[rates.size() / 4].rate, high = rates[rates.size() * 3 / 4].rate;
+  return low > 0 && high > alike * low ? ToldBy::rate : ToldBy::cycle;
 }
 
 }  // namespace

@@ -137,6 +137,12 @@ Figure loop_figure(const Parts& parts, const std::vector<double>& field, const S
   std::ranges::stable_sort(figure.series, [](const Series& a, const Series& b) {
     return a.quiet != b.quiet ? a.quiet : a.value < b.value;
   });
+  std::string said;  // cycles alike share one line of the legend
+  for (auto& series : figure.series)
+    if (series.label == said)
+      series.label.clear();
+    else
+      said = series.label;
   const auto shown = static_cast<std::size_t>(
       std::ranges::count_if(parts.parts, [](const Part& part) { return part.cycle.has_value(); }));
   if (shown < parts.cycles)

@@ -22,7 +22,7 @@ td.clipped { color: #b00020; }
 @media screen and (prefers-color-scheme: dark) { td.clipped { color: #ff8e8e; } }
 td.text { text-align: left; white-space: normal; }
 .note { opacity: .7; font-size: .9rem; margin: .3rem 0; }
-.pair { display: flex; flex-wrap: wrap; gap: 1rem; } .pair figure { flex: 1 1 26rem; }
+.pair { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1rem; }
 figure { margin: .5rem 0; } figcaption { font-weight: 600; } svg { width: 100%; height: auto; }
 footer { margin-top: 3rem; opacity: .7; font-size: .85rem; }
 @page { size: A4; margin: 14mm; }

@@ -154,7 +154,18 @@ TEST(Figures, ManyCyclesAreShownInPartAndSaySo) {
   EXPECT_EQ(loop->series.back().label, "cycle 50");
 }
 
-// By the label in the segment table.
+TEST(Figures, CyclesAlikeShareALineOfTheLegend) {
+  auto r = testing::play(0, {{1e6, 5}, {0, 5}, {1e6, 1}, {0, 1}, {1e6, 1}, {0, 1}}, 200);
+  r.set(Channel::displacement) = r.at(Channel::command);
+  const auto figures = make_figures(r);
+  const auto loop = std::ranges::find(figures, "Displacement against field", &Figure::title);
+  ASSERT_NE(loop, figures.end());
+  std::vector<std::string> labels;
+  for (const auto& series : loop->series)
+    if (!series.label.empty()) labels.push_back(series.label);
+  EXPECT_EQ(labels, (std::vector<std::string>{"0.1 Hz", "0.5 Hz"}));
+}
+
 TEST(Figures, CreepCurvesNameTheirHold) {
   auto r = testing::play(1.5e6, {{0, 1}, {0, 15}, {1.5e6, 1}, {1.5e6, 5}, {-5e5, 2}, {-5e5, 15}}, 100);
   auto& x = r.set(Channel::displacement);
