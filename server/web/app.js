@@ -23,9 +23,9 @@ const run = new RunPanel(rpc, runChanged);
 const lease = new LeasePanel(rpc, allowStart);
 const device = new DevicePanel(rpc);
 const experiment = new Experiment(rpc, (status) => run.begin(status));
-const recordings = new Recordings(rpc, (names) => (location.hash = `#recordings/${names.map(encodeURIComponent).join("+")}`));
+const recordings = new Recordings(rpc, (names) => (location.hash = `#recordings/${names.map(encodeURIComponent).join("+")}`), () => model.showRecordings());
 const recording = new RecordingView(rpc, byId("recording"), {
-  jobs,
+  list: () => recordings.list,
   started: (status) => {
     location.hash = "#bench";
     run.begin(status);
@@ -35,7 +35,6 @@ const recording = new RecordingView(rpc, byId("recording"), {
     location.hash = "#recordings";
   },
 });
-recording.list = () => recordings.list;
 const model = new ModelView(rpc, jobs, {
   recordings: () => recordings.list,
   load: (protocol) => {
@@ -49,6 +48,7 @@ const contact = new Contact(rpc, (status, held) => {
 }, silenceChanged);
 
 let greeted = false;
+let version = "";
 let view = { name: "bench", part: "" };
 
 function allowStart() {
@@ -58,6 +58,7 @@ function allowStart() {
 
 function silenceChanged(silent) {
   run.setSilent(silent);
+  if (rpc.open) showConnection();
   allowStart();
 }
 
@@ -107,8 +108,8 @@ async function finished(status) {
 
 async function greet() {
   await lease.reconnected();
-  const info = await rpc.call("system.info");
-  byId("connection").textContent = `Connected, version ${info.version}`;
+  version = (await rpc.call("system.info")).version;
+  showConnection();
   for (const topic of ["run", "events", "job"]) await rpc.call("subscribe", { topic });
   await rpc.call("subscribe", { topic: "samples", max_rate_Hz: 30 });
   run.show(await rpc.call("run.status"));
@@ -120,9 +121,15 @@ async function greet() {
   show();
 }
 
+function showConnection() {
+  byId("connection").dataset.open = !contact.silent;
+  byId("connection").textContent = contact.silent ? "Connected, no answer" : `Connected, version ${version}`;
+}
+
 function connectionChanged(open, retry) {
   const line = byId("connection");
   line.dataset.open = open;
+  if (open) line.textContent = "Connected …";
   if (!open) {
     line.textContent = `Not connected; trying again in ${retry} s`;
     greeted = false;

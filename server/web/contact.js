@@ -52,8 +52,9 @@ export class Contact {
       this.changed(silent);
     }
     if (!silent) return;
+    const anew = !this.rpc.open && quiet > 5000 ? " If the daemon was started anew, open the address that it printed." : "";
     const sample = this.#lastSample === null ? "no sample was seen" : `last sample ${seconds(now - this.#lastSample)} ago`;
     byId("state-reason").textContent =
-      `${this.rpc.open ? "No answer" : "No connection"} for ${seconds(quiet)}, ${sample}. What the bench does is not known here; a run goes on without this page.`;
+      `${this.rpc.open ? "No answer" : "No connection"} for ${seconds(quiet)}, ${sample}. What the bench does is not known here; a run goes on without this page.${anew}`;
   }
 }

@@ -1,7 +1,6 @@
 // What the run under way has measured so far, thinned so that an hour costs no more than a minute.
-import { TimeGroup, colour } from "./chart.js";
+import { Chart, TimeGroup, colour } from "./chart.js";
 import { byId, element, number, shownChannels, timeAxis } from "./dom.js";
-import { Chart } from "./chart.js";
 
 const most = 4000;
 const channels = ["command", "field", "charge", "displacement", "force"];

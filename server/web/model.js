@@ -1,7 +1,6 @@
 // A model beside a measurement: simulated on it with the residual below, fitted to it, and searched for what it misses.
-import { Chart, TimeGroup, colour, kindColour } from "./chart.js";
+import { Chart, TimeGroup, colour, download, kindColour } from "./chart.js";
 import { button, byId, element, facts, number, shownChannels, timeAxis } from "./dom.js";
-import { download as save } from "./chart.js";
 import { clearErrors, showError } from "./errors.js";
 import { reportTable } from "./tables.js";
 
@@ -29,6 +28,10 @@ export class ModelView {
       select.replaceChildren(...own, ...models.filter((m) => !m.error).map((m) => element("option", { value: m.name }, m.title && m.title !== m.name ? `${m.name}: ${m.title}` : m.name)));
       select.value = select.dataset.models === "own" && !select.dataset.touched ? "" : chosen;
     }
+    this.showRecordings();
+  }
+
+  showRecordings() {
     const list = this.recordings();
     const options = () => list.filter((r) => r.rows).map((r) => element("option", { value: r.name }, r.title ? `${r.title} (${r.name})` : r.name));
     for (const select of document.querySelectorAll("select[data-recordings]")) {
@@ -115,7 +118,7 @@ export class ModelView {
     return [
       element("p", {}, result.stopped ? "Stopped: the best so far." : "Fitted.", name ? ` Kept as ${name}.` : ""),
       rows.length ? reportTable({ title: "Parameters", rows, columns: [column("path", "parameter"), column("from", "from"), column("to", "to"), column("interval", "interval"), column("remark", "remark")], notes: [`Sum of squares ${number(result.cost_before)} before, ${number(result.cost_after)} after, ${result.simulations} simulations.`] }) : "",
-      button("Save the model as JSON", () => save(new Blob([JSON.stringify(result.model, null, 2)], { type: "application/json" }), `${name ?? "fitted"}.json`)),
+      button("Save the model as JSON", () => download(new Blob([JSON.stringify(result.model, null, 2)], { type: "application/json" }), `${name ?? "fitted"}.json`)),
     ];
   }
 
@@ -150,8 +153,8 @@ export class ModelView {
       d.explanations.length ? reportTable({ title: "Alternatives", columns: [column("effects", "explanation"), column("probability", "probability", "%")], rows: d.explanations.map((e) => ({ effects: names(e.effects), probability: e.probability * 100 })) }) : "",
     ];
     const actions = element("div", { class: "actions" },
-      button("Report (HTML)", async () => save(new Blob([await this.rpc.call("discrepancy.result", { job, format: "html" })], { type: "text/html" }), "missing.html")),
-      button("Improved model (JSON)", () => save(new Blob([JSON.stringify(d.model, null, 2)], { type: "application/json" }), `${name ?? "improved"}.json`)));
+      button("Report (HTML)", async () => download(new Blob([await this.rpc.call("discrepancy.result", { job, format: "html" })], { type: "text/html" }), "missing.html")),
+      button("Improved model (JSON)", () => download(new Blob([JSON.stringify(d.model, null, 2)], { type: "application/json" }), `${name ?? "improved"}.json`)));
     const keep = element("input", { "aria-label": "Name to keep the improved model under", placeholder: "name" });
     actions.append(keep, button("Keep the improved model", async () => {
       try {

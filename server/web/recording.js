@@ -51,8 +51,9 @@ export const drawLoops = (rpc, name, charts, columns, current = () => true) =>
   }));
 
 export class RecordingView {
-  constructor(rpc, place, { jobs, started, removed }) {
-    Object.assign(this, { rpc, place, jobs, started, removed });
+  // list(): all recordings; started(status) with a replay, removed() after one is deleted
+  constructor(rpc, place, { list, started, removed }) {
+    Object.assign(this, { rpc, place, list, started, removed });
     this.asked = 0;
     this.charts = [];
   }
@@ -90,14 +91,6 @@ export class RecordingView {
 
   #curves(name, axes) {
     return this.rpc.call("recording.read", { name, axes, max_points: 20000 });
-  }
-
-  #loopChart(parent, specimen, [x, y], height = 300) {
-    const shown = shownChannels(specimen);
-    const of = (key) => shown.find((c) => c.key === key);
-    const chart = new Chart(parent, { title: `${of(y).title} against ${of(x).name}`, x: of(x), y: of(y), loop: true, height, legend: true });
-    this.charts.push(chart);
-    return chart;
   }
 
   async #one(name, current) {
@@ -161,7 +154,7 @@ export class RecordingView {
       });
     } }, write, element("button", {}, "Annotate"));
     const compare = element("select", { "aria-label": "Recording to compare with" }, element("option", { value: "" }, "compare with …"),
-      ...this.others().filter((r) => r.name !== name).map((r) => element("option", { value: r.name }, `${r.title || r.name}, ${moment(r.start_time)}`)));
+      ...this.list().filter((r) => r.name !== name).map((r) => element("option", { value: r.name }, `${r.title || r.name}, ${moment(r.start_time)}`)));
     const result = element("div", { class: "comparison" });
     compare.addEventListener("change", () => compare.value && this.#act("They were not compared.", async () =>
       result.replaceChildren(this.#comparison(await this.rpc.call("recording.compare", { a: name, b: compare.value }), compare.value))));
@@ -181,13 +174,9 @@ export class RecordingView {
         element("a", { class: "button", href: `#model/${encodeURIComponent(name)}` }, "Simulate"),
         button("Delete", () => confirm(`Delete ${name}? This cannot be undone.`) && this.#act("It was not deleted.", async () => {
           await this.rpc.call("recording.delete", { name });
-          this.removed(name);
+          await this.removed();
         }), { class: "danger" }),
         compare, form), result);
-  }
-
-  others() {
-    return this.list?.() ?? [];
   }
 
   async #act(failure, what) {

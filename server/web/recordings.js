@@ -5,10 +5,11 @@ import { clearErrors, showError } from "./errors.js";
 const kind = (status) => (status === "complete" ? "good" : ["running", "recovered"].includes(status) ? "" : "wrong");
 
 export class Recordings {
-  // open(names): shows one or several
-  constructor(rpc, open) {
+  // open(names): shows one or several; changed(): the list has been read again
+  constructor(rpc, open, changed) {
     this.rpc = rpc;
     this.open = open;
+    this.changed = changed;
     this.list = [];
     this.chosen = new Set();
     for (const id of ["recording-search", "recording-status"]) byId(id).addEventListener("input", () => this.#show());
@@ -31,6 +32,7 @@ export class Recordings {
     try {
       this.list = (await this.rpc.call("recording.list")).recordings;
       this.#show();
+      this.changed();
     } catch (error) {
       showError("The list of recordings could not be read.", error);
     }

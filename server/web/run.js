@@ -93,7 +93,6 @@ export class RunPanel {
     byId("pause").hidden = !["running", "pausing"].includes(status.state);
     byId("pause").disabled = status.state === "pausing";
     byId("resume").hidden = !["pausing", "paused"].includes(status.state);
-    byId("stop").classList.toggle("quiet", !this.busy());
     this.#progress(status);
     this.#facts(status);
   }
