@@ -202,6 +202,48 @@ async function simulatesAModel(page) {
   await isAccessible(page, "model");
 }
 
+// Four short runs on a bench whose displacement sensor lags, which the model in question knows nothing of.
+async function findsWhatIsMissing(page) {
+  const hidden = 0.05; // s
+  const { model } = await call(page, "model.get", { name: "nec-single-crystal" });
+  await call(page, "model.put", { name: "bench", model: { ...model, name: "bench", effects: [{ id: "displacement_lag", parameters: { time_constant: hidden } }] } });
+  const base = { format: "ferrobench-protocol", version: 1, unit: "kV/mm", sample_rate_Hz: 500, start: 0 };
+  const ramp = (to) => ({ kind: "ramp", to, rate: 5 });
+  const programs = {
+    slow: [{ kind: "triangle", low: -1.5, high: 1.5, rate: 1, cycles: 1, first: "up" }],
+    fast: [{ kind: "triangle", low: -1.5, high: 1.5, rate: 10, cycles: 3, first: "up" }],
+    holds: [ramp(1.2), { kind: "hold", time: 1 }, ramp(-1), { kind: "hold", time: 1 }, ramp(1.2)],
+    minor: [ramp(1.4), { kind: "reversals", points: [0.8, 0.2, -0.4], rate: 5, back_to: 1.4 }],
+  };
+  const recorded = [];
+  for (const [name, segments] of Object.entries(programs)) {
+    const { run } = await call(page, "run.start", { protocol: { ...base, name, segments }, model: "bench", fast: true });
+    let status;
+    do {
+      await page.waitForTimeout(100);
+      status = await call(page, "run.status", { run });
+    } while (!["complete", "aborted"].includes(status.state));
+    assert.equal(status.state, "complete", status.reason);
+    recorded.push(status.recording);
+  }
+  await open(page, "model");
+  await page.waitForFunction((name) => [...document.querySelectorAll("#discover-recordings option")].some((o) => o.value === name), recorded.at(-1));
+  await page.locator("#discover-recordings").selectOption(recorded);
+  await page.selectOption("#discover-model", "nec-single-crystal");
+  await page.click("#discover-form > button");
+  await page.waitForSelector("#discover-form .job progress");
+  await page.waitForSelector("#discover-result h4", { timeout: 4 * patience });
+  const result = await page.innerText("#discover-result");
+  assert.match(result, /displacement lag/);
+  const value = Number(await page.locator("#discover-result .report-table").first().locator("tbody td").nth(2).innerText());
+  assert.ok(Math.abs(value / hidden - 1) < 0.1, `the time constant: ${value} s`);
+  assert.match(result, /locked away: /);
+  await page.fill('[aria-label="Name to keep the improved model under"]', "better");
+  await page.getByRole("button", { name: "Keep the improved model" }).click();
+  await page.waitForSelector('#fit-model option[value="better"]', { state: "attached" });
+  await isAccessible(page, "discovery");
+}
+
 // Who comes late sees what was measured before, who watches sees who controls, and both may stop.
 async function watchesWithAnother(page, browser, address, token) {
   await open(page, "bench");
@@ -277,7 +319,7 @@ async function test(daemon) {
     await page.goto(`${address}/?token=${token}`);
     assert.ok(!page.url().includes(token), "the token has left the address");
     await page.waitForSelector('#connection[data-open="true"]');
-    const steps = [writesAnExperiment, saysWhatIsWrong, runsToTheEnd, opensTheRecording, importsAndOverlays, simulatesAModel, watchesWithAnother, seesSilence];
+    const steps = [writesAnExperiment, saysWhatIsWrong, runsToTheEnd, opensTheRecording, importsAndOverlays, simulatesAModel, findsWhatIsMissing, watchesWithAnother, seesSilence];
     for (const step of steps) {
       const more = step === watchesWithAnother ? [browser, address, token] : step === seesSilence ? [daemon] : [];
       await step(page, ...more).catch(async (error) => {
