@@ -7,15 +7,19 @@
 #include "base/number_text.h"
 #include "base/units.h"
 #include "recordings/analysis/creep.h"
+#include "recordings/analysis/forc.h"
+#include "recordings/analysis/loops.h"
+#include "recordings/analysis/parts.h"
 #include "recordings/analysis/signals.h"
 #include "recordings/analysis/statistics.h"
+#include "recordings/analysis/thinning.h"
 #include "recordings/reports/table.h"
 
 namespace ferrobench::recordings {
 namespace {
 
 constexpr std::size_t pixels = 1200;
-constexpr std::size_t most_curves = 16;
+constexpr std::size_t most_curves = 16, most_cycles = 12;
 
 std::vector<double> scaled(std::vector<double> values, double unit) {
   for (auto& v : values) v /= unit;
@@ -31,9 +35,9 @@ struct Shown {
 std::vector<Shown> shown_channels(const Recording& r) {
   std::vector<Shown> out;
   if (r.has(Channel::charge))
-    out.push_back({"Charge per electrode area", "polarization [C/m^2]", *polarization(r).own});
+    out.push_back({"Charge per electrode area", "polarization [C/m²]", *polarization(r).own});
   if (r.has(Channel::displacement))
-    out.push_back({"Displacement", "displacement [um]", scaled(r.at(Channel::displacement), metre_in_um)});
+    out.push_back({"Displacement", "displacement [µm]", scaled(r.at(Channel::displacement), metre_in_um)});
   if (r.has(Channel::force)) out.push_back({"Force", "force [N]", r.at(Channel::force)});
   // A current is shown where nothing follows from it.
   for (const auto& other : r.others)
@@ -50,8 +54,11 @@ bool is_stepped(const std::vector<double>& field) {
 }
 
 // Change since the start of the hold against the time since, averaged over a fortieth of a decade.
-Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, double unit) {
-  Series out{.label = number_text(hold.level / volts_per_m_in_kv_per_mm) + " kV/mm", .points = {}};
+Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, std::size_t number,
+                   double unit) {
+  Series out{.label = (hold.label.empty() ? "hold " + std::to_string(number) : hold.label) + ": " +
+                      number_text(hold.level / volts_per_m_in_kv_per_mm) + " kV/mm",
+             .points = {}};
   const double start = edge_value(r, signal, hold.first, hold.last - hold.first + 1, false);
   std::vector<double> times, values;
   double bin = NAN;
@@ -71,12 +78,16 @@ Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, d
   return out;
 }
 
-// Of the long holds only: the short ones lead back to where the next begins.
-std::vector<Hold> shown_holds(const Recording& r) {
-  auto holds = find_holds(r);
+// With their numbers in the table of holds. Of the long ones only: the short ones lead back to where the next
+// begins.
+std::vector<std::pair<std::size_t, Hold>> shown_holds(const Recording& r) {
+  std::vector<std::pair<std::size_t, Hold>> holds;
   double longest = 0;
-  for (const auto& hold : holds) longest = std::max(longest, hold.duration);
-  std::erase_if(holds, [&](const Hold& hold) { return hold.duration < 0.5 * longest; });
+  for (const auto& hold : find_holds(r)) {
+    longest = std::max(longest, hold.duration);
+    holds.emplace_back(holds.size() + 1, hold);
+  }
+  std::erase_if(holds, [&](const auto& hold) { return hold.second.duration < 0.5 * longest; });
   if (holds.size() > most_curves) holds.resize(most_curves);
   return holds;
 }
@@ -89,14 +100,95 @@ void add_creep(const Recording& r, const Signal& signal, double unit, const std:
                 .log_x = true,
                 .square = true,
                 .series = {}};
-  for (const auto& hold : shown_holds(r)) figure.series.push_back(creep_curve(r, signal, hold, unit));
+  for (const auto& [number, hold] : shown_holds(r))
+    figure.series.push_back(creep_curve(r, signal, hold, number, unit));
   if (!figure.series.empty()) figures.push_back(std::move(figure));
+}
+
+double range_of(const std::vector<double>& values) {
+  const auto range = extremes(values);
+  return range && range->span() > 0 ? range->span() : 1;
+}
+
+Figure loop_figure(const Parts& parts, const std::vector<double>& field, const Shown& channel) {
+  constexpr double pixels_across = 1000, error = 0.5;
+  constexpr std::size_t most_points = 60'000;
+  Figure figure{.title = channel.title + " against field",
+                .x_label = "field [kV/mm]",
+                .y_label = channel.label,
+                .square = true,
+                .series = {}};
+  const double x_pixel = range_of(field) / pixels_across, y_pixel = range_of(channel.values) / pixels_across;
+  double worst = 0;
+  for (const auto& part : parts.parts) {
+    const auto count = part.last - part.first + 1;
+    const auto x = std::span(field).subspan(part.first, count);
+    const auto y = std::span(channel.values).subspan(part.first, count);
+    const auto thinned = thin_to(x, y, x_pixel, y_pixel, error, most_points / parts.parts.size() + 2);
+    worst = std::max(worst, thinned.error);
+    Series series{.label = parts.label(part), .points = {}, .value = 0, .quiet = !part.cycle};
+    if (part.cycle)
+      series.value = parts.by == ToldBy::cycle
+                         ? static_cast<double>(*part.cycle)
+                         : std::log(parts.by == ToldBy::rate ? part.rate : part.frequency);
+    for (const auto i : thinned.kept) series.points.push_back({x[i], y[i]});
+    figure.series.push_back(std::move(series));
+  }
+  std::ranges::stable_sort(figure.series, [](const Series& a, const Series& b) {
+    return a.quiet != b.quiet ? a.quiet : a.value < b.value;
+  });
+  std::string said;  // cycles alike share one line of the legend
+  for (auto& series : figure.series)
+    if (series.label == said)
+      series.label.clear();
+    else
+      said = series.label;
+  const auto shown = static_cast<std::size_t>(
+      std::ranges::count_if(parts.parts, [](const Part& part) { return part.cycle.has_value(); }));
+  if (shown < parts.cycles)
+    figure.note = std::to_string(shown) + " of " + std::to_string(parts.cycles) + " cycles";
+  if (worst > error)
+    figure.note += (figure.note.empty() ? "" : ", ") + std::string("noise thinned to ") +
+                   number_text(worst / pixels_across * 100) + " % of the axes";
+  return figure;
+}
+
+void add_forc(const Forc& forc, std::vector<Figure>& figures) {
+  constexpr double density = volts_per_m_in_kv_per_mm * volts_per_m_in_kv_per_mm;
+  const auto field = scaled(forc.field, volts_per_m_in_kv_per_mm);
+  const auto reversal = scaled(forc.reversal, volts_per_m_in_kv_per_mm);
+  Figure family{.title = "First-order reversal curves",
+                .x_label = "field [kV/mm]",
+                .y_label = "polarization less that at the upper level [C/m²]",
+                .square = true,
+                .series = {}};
+  for (std::size_t k = 0; k < reversal.size(); ++k) {
+    const bool ends = k == 0 || k + 1 == reversal.size();
+    Series series{.label = ends ? "from " + number_text(reversal[k]) + " kV/mm" : "",
+                  .points = {},
+                  .value = reversal[k]};
+    for (std::size_t i = 0; i < field.size(); ++i)
+      series.points.push_back({field[i], forc.polarization[k][i]});
+    family.series.push_back(std::move(series));
+  }
+  figures.push_back(std::move(family));
+  const auto side = std::to_string(2 * forc.smoothing + 1);
+  Figure map{.title = "Distribution of the reversals",
+             .x_label = "field [kV/mm]",
+             .y_label = "reversal field [kV/mm]",
+             .square = true,
+             .series = {},
+             .map = Map{.x = field, .y = reversal, .z = forc.density, .label = "C/m² / (kV/mm)²"},
+             .note = "second-degree polynomials over " + side + " × " + side + " points"};
+  for (auto& row : map.map->z)
+    for (auto& z : row) z *= density;
+  figures.push_back(std::move(map));
 }
 
 }  // namespace
 
-std::vector<std::array<double, 2>> thinned(const std::vector<double>& x, const std::vector<double>& y,
-                                           std::size_t pieces) {
+std::vector<std::array<double, 2>> band(const std::vector<double>& x, const std::vector<double>& y,
+                                        std::size_t pieces) {
   std::vector<std::array<double, 2>> out;
   const std::size_t step = std::max<std::size_t>(1, x.size() / pieces);
   for (std::size_t first = 0; first < x.size(); first += step) {
@@ -126,21 +218,20 @@ std::vector<Figure> make_figures(const Recording& r) {
     out.push_back({.title = title,
                    .x_label = "time [s]",
                    .y_label = label,
-                   .series = {{.label = "", .points = thinned(r.time, values, pixels)}}});
+                   .series = {{.label = "", .points = band(r.time, values, pixels)}}});
   };
   const auto channels = shown_channels(r);
   over_time("Field", "field [kV/mm]", field);
   for (const auto& channel : channels) over_time(channel.title, channel.label, channel.values);
+  const auto cycles = find_cycles(r, turning_points(r));
+  const auto parts = parts_of(r, cycles, most_cycles);
   for (const auto& channel : channels)
     if (channel.title != "Force" && (channel.title != "Current" || is_stepped(field)))
-      out.push_back({.title = channel.title + " against field",
-                     .x_label = "field [kV/mm]",
-                     .y_label = channel.label,
-                     .square = true,
-                     .series = {{.label = "", .points = thinned(field, channel.values, pixels)}}});
+      out.push_back(loop_figure(parts, field, channel));
+  if (const auto forc = find_forc(r, cycles)) add_forc(*forc, out);
   if (r.has(Channel::displacement))
-    add_creep(r, signal(r, Channel::displacement), metre_in_um, "displacement", "um", out);
-  if (r.has(Channel::charge)) add_creep(r, polarization(r), 1, "polarization", "C/m^2", out);
+    add_creep(r, signal(r, Channel::displacement), metre_in_um, "displacement", "µm", out);
+  if (r.has(Channel::charge)) add_creep(r, polarization(r), 1, "polarization", "C/m²", out);
   return out;
 }
 

@@ -1,4 +1,8 @@
 // The pictures of a recording: channels against time, loops, creep against log time.
+//
+// A loop is drawn cycle by cycle, at most 12 of them, in the colour of what tells them apart (parts.h). Its
+// line is at most half a thousandth of the axes beside the samples, unless the noise is so large that the
+// figure's note says otherwise.
 #pragma once
 
 #include <vector>
@@ -10,9 +14,9 @@ namespace ferrobench::recordings {
 
 std::vector<Figure> make_figures(const Recording& recording);
 
-// The points of y against x, thinned to the extremes of each of `pieces` stretches of equally many samples:
-// what a picture that many pixels wide can show.
-std::vector<std::array<double, 2>> thinned(const std::vector<double>& x, const std::vector<double>& y,
-                                           std::size_t pieces);
+// The points of y against x, which rises, thinned to the extremes of each of `pieces` stretches of equally
+// many samples: what a picture that many pixels wide can show.
+std::vector<std::array<double, 2>> band(const std::vector<double>& x, const std::vector<double>& y,
+                                        std::size_t pieces);
 
 }  // namespace ferrobench::recordings

@@ -19,11 +19,22 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: .15rem .6rem; text-align: right; border-bottom: 1px solid #8885; white-space: nowrap; }
 th { font-weight: 600; vertical-align: bottom; white-space: normal; } th small { font-weight: 400; opacity: .7; }
 td.clipped { color: #b00020; }
+@media screen and (prefers-color-scheme: dark) { td.clipped { color: #ff8e8e; } }
 td.text { text-align: left; white-space: normal; }
 .note { opacity: .7; font-size: .9rem; margin: .3rem 0; }
-.pair { display: flex; flex-wrap: wrap; gap: 1rem; } .pair figure { flex: 1 1 26rem; }
+.pair { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1rem; }
 figure { margin: .5rem 0; } figcaption { font-weight: 600; } svg { width: 100%; height: auto; }
 footer { margin-top: 3rem; opacity: .7; font-size: .85rem; }
+@page { size: A4; margin: 14mm; }
+@media print {
+  :root { color-scheme: light; }
+  body { max-width: none; margin: 0; padding: 0; font-size: 9pt; }
+  h1 { font-size: 14pt; margin-top: 0; } h2 { font-size: 11pt; margin: 6mm 0 1mm; break-after: avoid; }
+  figure, tr, dl { break-inside: avoid; }
+  .pair { display: grid; grid-template-columns: 1fr 1fr; gap: 4mm; }
+  .wide { overflow: visible; } table { width: 100%; font-size: 6.5pt; } thead { display: table-header-group; }
+  th, td { padding: .4mm .6mm; } .note, footer, small { font-size: 7.5pt; } th small { font-size: 6pt; }
+}
 )";
 
 std::string figures_html(const Recording& recording) {
@@ -36,7 +47,9 @@ std::string figures_html(const Recording& recording) {
                              ? drawing.svg[i]
                              : "<p class=\"note\">No picture: " + escape_html(drawing.problem) + ".</p>";
     (figures[i].square ? pairs : wide) +=
-        "<figure><figcaption>" + escape_html(figures[i].title) + "</figcaption>" + picture + "</figure>\n";
+        "<figure><figcaption>" + escape_html(figures[i].title) +
+        (figures[i].note.empty() ? "" : " <small>(" + escape_html(figures[i].note) + ")</small>") +
+        "</figcaption>" + picture + "</figure>\n";
   }
   return wide + "<div class=\"pair\">" + pairs + "</div>\n";
 }

@@ -51,10 +51,47 @@ void write_points(const std::string& path, const Series& series) {
   }
 }
 
+void write_map(const std::string& path, const Map& map) {
+  std::ofstream out(path);
+  for (std::size_t row = 0; row < map.y.size(); ++row) {
+    for (std::size_t column = 0; column < map.x.size(); ++column) {
+      const double z = map.z[row][column];
+      out << number_in_full(map.x[column]) << ' ' << number_in_full(map.y[row]) << ' '
+          << (std::isnan(z) ? "NaN" : number_in_full(z)) << '\n';
+    }
+    out << '\n';
+  }
+}
+
 std::string quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("''") : std::string(1, c);
   return out + "'";
+}
+
+// From blue over violet to orange, all readable on white and on black.
+std::vector<int> colours_of(const std::vector<Series>& series) {
+  constexpr int quiet = 0x888888;
+  std::vector<double> places;
+  for (const auto& s : series)
+    if (!s.quiet) places.push_back(std::isnan(s.value) ? static_cast<double>(places.size()) : s.value);
+  std::vector<int> out;
+  if (places.empty()) return std::vector<int>(series.size(), quiet);
+  const auto [low, high] = std::ranges::minmax(places);
+  auto place = places.begin();
+  for (const auto& s : series) {
+    if (s.quiet) {
+      out.push_back(quiet);
+      continue;
+    }
+    const double hue = high > low ? (*place - low) / (high - low) : 0;
+    ++place;
+    const auto mix = [&](int from, int to) {
+      return static_cast<int>(std::lround(from + hue * (to - from)));
+    };
+    out.push_back(mix(0x2f, 0xe0) << 16 | mix(0x7f, 0x70) << 8 | mix(0xd8, 0x20));
+  }
+  return out;
 }
 
 std::string script(const std::vector<Figure>& figures, const ScratchFolder& folder) {
@@ -64,25 +101,39 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
   for (std::size_t k = 0; k < figures.size(); ++k) {
     const auto& figure = figures[k];
     const auto number = std::to_string(k);
-    out += std::string("set terminal svg size ") + (figure.square ? "460,360" : "940,220") +
-           " dynamic font 'sans-serif,12' name 'figure" + number + "'\n";
+    const bool keyed = std::ranges::any_of(figure.series, [](const Series& s) { return !s.label.empty(); });
+    // The time axes of wide figures lie below each other.
+    out += figure.square ? "set terminal svg size 460,360" : "set terminal svg size 940,220";
+    out += " dynamic font 'sans-serif,12' name 'figure" + number + "'\n";
+    out += figure.square ? std::string("unset lmargin\nunset rmargin\n")
+                         : std::string("set lmargin at screen 0.1\nset rmargin at screen ") +
+                               (keyed ? "0.8\n" : "0.98\n");
     out += "set output " + quoted(folder.file(number + ".svg")) + '\n';
     out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
     out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +
            " noenhanced\n";
+    if (figure.map) {
+      double largest = 0;
+      for (const auto& row : figure.map->z)
+        for (const double z : row)
+          if (!std::isnan(z)) largest = std::max(largest, std::abs(z));
+      const auto name = folder.file(number + "_map.txt");
+      write_map(name, *figure.map);
+      const auto range = number_in_full(largest > 0 ? largest : 1);
+      out +=
+          "set pm3d map corners2color mean\nset palette defined (-1 '#2f7fd8', 0 '#d8d8d8', 1 '#e07020')\n";
+      out += "set cbrange [-" + range + ":" + range + "]\nset cblabel " + quoted(figure.map->label) +
+             " noenhanced\n";
+      out += "splot " + quoted(name) + " using 1:2:3 with pm3d notitle\nunset pm3d\n";
+      continue;
+    }
     out += "plot ";
+    const auto colours = colours_of(figure.series);
     for (std::size_t i = 0; i < figure.series.size(); ++i) {
       const auto name = number + "_" + std::to_string(i) + ".txt";
       write_points(folder.file(name), figure.series[i]);
-      // From blue over violet to orange, all readable on white and on black.
-      const double hue = figure.series.size() < 2
-                             ? 0
-                             : static_cast<double>(i) / static_cast<double>(figure.series.size() - 1);
-      const auto mix = [&](int from, int to) {
-        return static_cast<int>(std::lround(from + hue * (to - from)));
-      };
-      const int colour = mix(0x2f, 0xe0) << 16 | mix(0x7f, 0x70) << 8 | mix(0xd8, 0x20);
-      out += (i > 0 ? ", " : "") + quoted(folder.file(name)) + " lw 1.3 lc rgb " + std::to_string(colour) +
+      out += (i > 0 ? ", " : "") + quoted(folder.file(name)) + " lw 1.3 lc rgb " +
+             std::to_string(colours[i]) +
              (figure.series[i].label.empty() ? " notitle" : " title " + quoted(figure.series[i].label));
     }
     out += '\n';

@@ -3,6 +3,8 @@
 
 #include <array>
 #include <chrono>
+#include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,6 +13,15 @@ namespace ferrobench::recordings {
 struct Series {
   std::string label;                          // "" for none
   std::vector<std::array<double, 2>> points;  // NaN breaks the line
+  double value = NAN;  // its place between the first and the last colour; NaN: its place in the list
+  bool quiet = false;  // grey, behind the others
+};
+
+// Values over a grid, in colours from blue over grey (0) to orange; NaN stays empty.
+struct Map {
+  std::vector<double> x, y;
+  std::vector<std::vector<double>> z;  // [y][x]
+  std::string label;
 };
 
 struct Figure {
@@ -18,6 +29,8 @@ struct Figure {
   bool log_x = false;
   bool square = false;  // for loops; else wide and low
   std::vector<Series> series;
+  std::optional<Map> map = {};  // in place of series
+  std::string note = {};        // what the reader must know of the drawing, "" for nothing
 };
 
 struct Drawing {

@@ -19,13 +19,13 @@ void add_fact(Report& report, const std::string& name, const std::string& value)
 // Films are nanometres thick, stacks are centimetres long.
 std::string size_text(double metres) {
   if (metres >= 1e-4) return number_text(metres * 1e3) + " mm";
-  return metres >= 1e-6 ? number_text(metres / metre_in_um) + " um" : number_text(metres * 1e9) + " nm";
+  return metres >= 1e-6 ? number_text(metres / metre_in_um) + " µm" : number_text(metres * 1e9) + " nm";
 }
 
 std::string layers_text(const Specimen& specimen) {
   const auto thickness = specimen.layer_thickness < 1e-6
                              ? size_text(specimen.layer_thickness)
-                             : number_text(specimen.layer_thickness / metre_in_um) + " um";
+                             : number_text(specimen.layer_thickness / metre_in_um) + " µm";
   return std::to_string(specimen.layer_count) + (specimen.layer_count == 1 ? " layer of " : " layers of ") +
          thickness;
 }
@@ -49,9 +49,17 @@ std::string with_facts(const Report& report, const std::string& before, const st
 }
 
 nlohmann::json as_json(const Report& report) {
-  nlohmann::json out{{"title", report.title}, {"facts", nlohmann::json::object()}};
-  for (const auto& [name, value] : report.facts) out["facts"][name] = value;
-  for (const auto& table : report.tables) out[table.key] = to_json(table);
+  nlohmann::json out{{"title", report.title},
+                     {"facts", nlohmann::json::object()},
+                     {"order", {{"facts", nlohmann::json::array()}, {"tables", nlohmann::json::array()}}}};
+  for (const auto& [name, value] : report.facts) {
+    out["facts"][name] = value;
+    out["order"]["facts"].push_back(name);
+  }
+  for (const auto& table : report.tables) {
+    out[table.key] = to_json(table);
+    out["order"]["tables"].push_back(table.key);
+  }
   return out;
 }
 
@@ -75,19 +83,19 @@ Report make_report(const Recording& recording) {
   add_fact(report, "device", text_at(h.device, "driver"));
   if (skew > 0)
     add_fact(report, "channels",
-             "read up to " + number_text(skew * 1e6) + " us after their row, brought back to it");
+             "read up to " + number_text(skew * 1e6) + " µs after their row, brought back to it");
   add_fact(report, "specimen",
            (h.specimen.name.empty() ? "" : h.specimen.name + ": ") + size_text(h.specimen.length) +
-               " long, " + number_text(h.specimen.area * 1e6) + " mm^2, " + layers_text(h.specimen));
+               " long, " + number_text(h.specimen.area * 1e6) + " mm², " + layers_text(h.specimen));
   add_fact(report, "load",
            "prestress " + number_text(h.load.prestress / pascal_in_mpa) + " MPa, spring " +
-               number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/um");
+               number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/µm");
   if (h.past.known()) add_fact(report, "before", protocols::in_words(h.past));
   add_fact(report, "identifier", h.entry_identifier);
   const Analysis analysis(r);
-  for (auto& table :
-       {stroke_table(analysis), hysteresis_table(analysis), rate_table(analysis), minor_loop_table(analysis),
-        creep_table(r), pulse_table(r), leakage_table(r), fatigue_table(r)})
+  for (auto& table : {stroke_table(analysis), hysteresis_table(analysis), rate_table(analysis),
+                      minor_loop_table(analysis), creep_table(r), pund_table(r), pund_tester_table(r),
+                      pulse_table(r), leakage_table(r), fatigue_table(r)})
     if (table) report.tables.push_back(*table);
   if (!r.events.empty()) report.tables.push_back(event_table(r));
   return report;

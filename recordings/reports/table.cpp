@@ -5,13 +5,14 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "base/shown_unit.h"
 #include "base/visible.h"
 
 namespace ferrobench::recordings {
 namespace {
 
 std::string heading(const Column& column) {
-  return column.unit.empty() ? column.title : column.title + " [" + column.unit + "]";
+  return column.unit.empty() ? column.title : column.title + " [" + shown_unit(column.unit) + "]";
 }
 
 std::string shown(const Cell& cell) {
@@ -199,7 +200,13 @@ nlohmann::json to_json(const Table& table) {
           row[i]);
     rows.push_back(std::move(object));
   }
-  return {{"title", table.title}, {"rows", std::move(rows)}, {"notes", all_notes(table)}};
+  auto columns = nlohmann::json::array();
+  for (const auto& column : table.columns)
+    columns.push_back({{"key", column.key}, {"title", column.title}, {"unit", shown_unit(column.unit)}});
+  return {{"title", table.title},
+          {"columns", std::move(columns)},
+          {"rows", std::move(rows)},
+          {"notes", all_notes(table)}};
 }
 
 std::string to_html(const Table& table) {
@@ -207,7 +214,7 @@ std::string to_html(const Table& table) {
                     "</h2>\n<div class=\"wide\"><table>\n<thead><tr>";
   for (const auto& column : table.columns) {
     out += "<th>" + escape_html(column.title);
-    if (!column.unit.empty()) out += "<br><small>" + escape_html(column.unit) + "</small>";
+    if (!column.unit.empty()) out += "<br><small>[" + escape_html(shown_unit(column.unit)) + "]</small>";
     out += "</th>";
   }
   out += "</tr></thead>\n<tbody>\n";

@@ -44,7 +44,8 @@ std::string to_markdown(const Table& table);
 // A heading line of keys, then rows; numbers in full. Where cells are clipped, a last column "clipped" has
 // their keys.
 std::string to_csv(const Table& table);
-// {title, rows: [{key: value}], notes}; a row with clipped cells has their keys as "clipped": [key].
+// {title, columns: [{key, title, unit}], rows: [{key: value}], notes}, columns in order; a row with clipped
+// cells has their keys as "clipped": [key].
 nlohmann::json to_json(const Table& table);
 std::string to_html(const Table& table);  // <section> with heading, table and notes
 

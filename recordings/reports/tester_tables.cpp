@@ -1,57 +1,14 @@
-// Tables for what testers measure beside loops: pulses, leakage, fatigue.
+// Tables for what testers measure beside loops and pulses: leakage, fatigue.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/units.h"
-#include "recordings/analysis/signals.h"
-#include "recordings/analysis/statistics.h"
+#include "recordings/reports/clipped_cells.h"
 #include "recordings/reports/report.h"
 
 namespace ferrobench::recordings {
 namespace {
-
-struct Pulse {
-  std::size_t start, peak, end;  // samples: before it, at the largest field, and back at none
-  bool up;
-};
-
-// Stretches of one sign above a twentieth of the largest field.
-std::vector<Pulse> pulses_of(const std::vector<double>& field) {
-  constexpr double low = 0.05, none = 0.01;
-  double largest = 0;
-  for (const double e : field) largest = std::max(largest, std::abs(e));
-  std::vector<Pulse> out;
-  for (std::size_t i = 1; i < field.size(); ++i) {
-    if (!(std::abs(field[i]) > low * largest) || std::abs(field[i - 1]) > low * largest) continue;
-    Pulse pulse{i - 1, i, i, field[i] > 0};
-    const auto within = [&](double limit) {
-      return pulse.end + 1 < field.size() && (field[pulse.end] > 0) == pulse.up &&
-             std::abs(field[pulse.end]) > limit * largest;
-    };
-    for (; within(low); ++pulse.end)
-      if (std::abs(field[pulse.end]) > std::abs(field[pulse.peak])) pulse.peak = pulse.end;
-    i = pulse.end;
-    while (within(none)) ++pulse.end;
-    if (pulse.end - pulse.start > 4) out.push_back(pulse);
-  }
-  return out;
-}
-
-// Positive-up-negative-down: of both signs two in a row, all about as high, each from zero back to zero.
-bool is_pund(const std::vector<Pulse>& pulses, const std::vector<double>& field) {
-  constexpr std::size_t least = 4, most = 64;
-  constexpr double alike = 0.5;
-  if (pulses.size() < least || pulses.size() > most) return false;
-  double largest = 0;
-  for (const auto& p : pulses) largest = std::max(largest, std::abs(field[p.peak]));
-  bool up = false, down = false;
-  for (std::size_t i = 0; i < pulses.size(); ++i) {
-    if (std::abs(field[pulses[i].peak]) < alike * largest) return false;
-    if (i == 0 || pulses[i].up != pulses[i - 1].up) continue;
-    (pulses[i].up ? up : down) = true;
-  }
-  return up && down;
-}
 
 const std::vector<double>* other(const Recording& r, std::string_view name) {
   const auto found =
@@ -80,35 +37,6 @@ std::vector<std::size_t> leakage_samples(const Recording& r, const std::vector<d
 
 }  // namespace
 
-std::optional<Table> pulse_table(const Recording& r) {
-  if (r.size() < 2 || !r.has(Channel::field) || !r.has(Channel::charge)) return std::nullopt;
-  const auto& field = r.at(Channel::field);
-  const auto pulses = pulses_of(field);
-  if (!is_pund(pulses, field)) return std::nullopt;
-  const auto p = polarization(r);
-  Table table{
-      .key = "pulses",
-      .title = "Pulses (PUND)",
-      .columns = {{"pulse", "pulse", ""},
-                  {"start_s", "start", "s"},
-                  {"field_kV_per_mm", "largest field", "kV/mm"},
-                  {"kind", "kind", ""},
-                  {"at_peak_C_per_m2", "polarization change at the largest field", "C/m^2"},
-                  {"left_C_per_m2", "polarization change left at zero field", "C/m^2"}},
-      .rows = {},
-      .notes = {"A pulse switches if the one before had the other sign. The switched polarization is the "
-                "change of a switching pulse less that of the next, which does not switch."}};
-  for (std::size_t i = 0; i < pulses.size(); ++i) {
-    const auto& pulse = pulses[i];
-    const auto change = [&](std::size_t at) { return cell(p.values[at] - p.values[pulse.start]); };
-    const auto* kind = i == 0 ? "first" : pulse.up != pulses[i - 1].up ? "switching" : "not switching";
-    table.rows.push_back({static_cast<std::int64_t>(i + 1), r.time[pulse.start],
-                          cell(field[pulse.peak] / volts_per_m_in_kv_per_mm), std::string(kind),
-                          change(pulse.peak), change(pulse.end)});
-  }
-  return table;
-}
-
 std::optional<Table> leakage_table(const Recording& r) {
   const auto* current = other(r, "current");
   if (r.size() < 2 || current == nullptr || r.has(Channel::charge) || !r.has(Channel::field))
@@ -126,11 +54,13 @@ std::optional<Table> leakage_table(const Recording& r) {
       .rows = {},
       .notes = {"Resistivity: field over current density; none where they have different signs. Where "
                 "the field rests, samples stand ever further apart."}};
+  const Clipping clipping(r);
   for (const auto i : leakage_samples(r, field)) {
     const double density = (*current)[i] / (s.area * static_cast<double>(s.layer_count));
     const double resistivity = field[i] / density;
     table.rows.push_back({r.time[i], cell(field[i] / volts_per_m_in_kv_per_mm), cell((*current)[i]),
                           cell(density), resistivity > 0 ? cell(resistivity) : Cell{}});
+    mark_clipped(table, clipping, {"field_kV_per_mm", "resistivity_Ohm_m"}, std::array{Channel::field}, i, i);
   }
   return table;
 }

@@ -118,8 +118,11 @@ std::optional<double> layer_thickness_of(const json& config, const daq::Device* 
 
 }  // namespace
 
-protocols::Protocol resolve_protocol(const json& given) {
-  if (given.is_string()) return protocols::library_protocol(given.get<std::string>());
+protocols::Protocol resolve_protocol(const json& given, const Store* store) {
+  if (given.is_string()) {
+    const auto name = given.get<std::string>();
+    return store != nullptr ? store->protocol(name) : protocols::library_protocol(name);
+  }
   return protocols::Protocol::from_json(given);
 }
 
@@ -197,7 +200,7 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
     throw Error(
         ErrorCode::invalid_params, "there is no program to run",
         Problem{.path = "/protocol", .message = "is missing", .hint = "protocol.list names those that ship"});
-  RunPlan plan{.protocol = resolve_protocol(request.protocol)};
+  RunPlan plan{.protocol = resolve_protocol(request.protocol, &store)};
   const bool fresh = open == nullptr;
   if (!fresh && (!request.model.is_null() || request.fast))
     throw Error(ErrorCode::invalid_params, "the device is open already and keeps its model and clock",

@@ -75,9 +75,9 @@ void complete_replay_plan(RunPlan& plan, const daq::ReplaySource& source);
 // The plan of a run of a replay that is open.
 RunPlan make_replay_plan(const RunRequest& request, const daq::ReplaySource& source);
 
-// A protocol by name or as JSON; a model by name or as JSON (null: the default one), with everything filled
-// in.
-protocols::Protocol resolve_protocol(const nlohmann::json& given);
+// A protocol by name or as JSON, of the store where there is one; a model by name or as JSON (null: the
+// default one), with everything filled in.
+protocols::Protocol resolve_protocol(const nlohmann::json& given, const Store* store = nullptr);
 nlohmann::json resolve_model(const nlohmann::json& given, const Store& store);
 
 }  // namespace ferrobench::server

@@ -66,6 +66,21 @@ void make_folder(const fs::path& folder) {
                       .hint = guess.empty() ? what + ".list names them" : "did you mean \"" + guess + "\"?"});
 }
 
+// Names of the files there, among those that ship.
+std::vector<std::string> with_files_of(const fs::path& folder, std::vector<std::string> names) {
+  std::error_code failure;
+  for (const auto& entry : fs::directory_iterator(folder, failure))
+    if (entry.path().extension() == ".json") names.push_back(entry.path().stem().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+void put_json(const fs::path& path, const nlohmann::json& content) {
+  ferrobench::recordings::NewFile file(path.string(), ferrobench::recordings::Existing::replace);
+  file.write(content.dump(2) + '\n');
+  file.put();
+}
+
 }  // namespace
 
 fs::path default_data_folder() {
@@ -93,6 +108,7 @@ void check_name(const std::string& name, const std::string& path) {
 Store::Store(fs::path folder) : folder_(std::move(folder)) {
   make_folder(recordings());
   make_folder(folder_ / "models");
+  make_folder(folder_ / "protocols");
 }
 
 fs::path Store::new_recording(const std::string& stem) const {
@@ -157,12 +173,7 @@ std::vector<std::string> Store::recording_names() const {
 }
 
 std::vector<std::string> Store::model_names() const {
-  auto names = model::model_library_names();
-  std::error_code failure;
-  for (const auto& entry : fs::directory_iterator(folder_ / "models", failure))
-    if (entry.path().extension() == ".json") names.push_back(entry.path().stem().string());
-  std::ranges::sort(names);
-  return names;
+  return with_files_of(folder_ / "models", model::model_library_names());
 }
 
 nlohmann::json Store::model(const std::string& name) const {
@@ -180,10 +191,29 @@ void Store::put_model(const std::string& name, const nlohmann::json& model) cons
     throw Error(
         ErrorCode::busy, "a shipped model has this name",
         Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
-  const auto path = folder_ / "models" / (name + ".json");
-  ferrobench::recordings::NewFile file(path.string(), ferrobench::recordings::Existing::replace);
-  file.write(model::to_json(checked).dump(2) + '\n');
-  file.put();
+  put_json(folder_ / "models" / (name + ".json"), model::to_json(checked));
+}
+
+std::vector<std::string> Store::protocol_names() const {
+  return with_files_of(folder_ / "protocols", protocols::library_names());
+}
+
+protocols::Protocol Store::protocol(const std::string& name) const {
+  if (std::ranges::count(protocols::library_names(), name) > 0) return protocols::library_protocol(name);
+  if (std::ranges::count(protocol_names(), name) == 0) throw_not_found("protocol", name, protocol_names());
+  return protocols::Protocol::from_file((folder_ / "protocols" / (name + ".json")).string());
+}
+
+void Store::put_protocol(const std::string& name, const nlohmann::json& protocol) const {
+  check_name(name, "/name");
+  auto named = protocol;
+  if (named.is_object()) named["name"] = name;
+  const auto checked = protocols::Protocol::from_json(named);
+  if (std::ranges::count(protocols::library_names(), name) > 0)
+    throw Error(
+        ErrorCode::busy, "a shipped protocol has this name",
+        Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
+  put_json(folder_ / "protocols" / (name + ".json"), checked.json());
 }
 
 std::string default_model_name() {

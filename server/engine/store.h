@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "protocols/protocol.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::server {
@@ -43,6 +44,11 @@ class Store {
   nlohmann::json model(const std::string& name) const;
   // Checks it; a shipped model cannot be replaced (Error(busy)).
   void put_model(const std::string& name, const nlohmann::json& model) const;
+
+  // Shipped protocols and those put here, likewise. What is put takes the name as its own.
+  std::vector<std::string> protocol_names() const;
+  protocols::Protocol protocol(const std::string& name) const;
+  void put_protocol(const std::string& name, const nlohmann::json& protocol) const;
 
  private:
   std::filesystem::path folder_;

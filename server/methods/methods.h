@@ -5,13 +5,13 @@
 // | system    | info                                                             |
 // | device    | list open close info selftest                                    |
 // | limits    | get set                                                          |
-// | protocol  | list get schema validate preview                                 |
+// | protocol  | list get put schema validate preview                             |
 // | run       | start status pause resume abort list                             |
 // | replay    | start                                                            |
 // | recording | list info read report compare export import annotate recover delete |
 // | model     | list get put schema simulate fit                                 |
 // | discrepancy | start status result                                            |
-// | table     | run                                                              |
+// | table     | run compare                                                      |
 // | job       | list status cancel                                               |
 // | lease     | acquire renew release status                                     |
 // |           | subscribe unsubscribe rpc.discover                               |

@@ -11,6 +11,7 @@ using nlohmann::json;
 struct ProtocolRow {
   std::string name{}, title{}, source{}, notes{}, unit{};
   json parameters = json::object();
+  bool shipped = true;
 };
 template <class Visitor>
 void describe(Visitor& visit, ProtocolRow& r) {
@@ -20,6 +21,7 @@ void describe(Visitor& visit, ProtocolRow& r) {
   visit("notes", r.notes, {});
   visit("unit", r.unit, {.doc = "of levels; rates are in the same per second"});
   visit("parameters", r.parameters, {.doc = "what run.start may set, with its value"});
+  visit("shipped", r.shipped, {.doc = "false: put here by protocol.put"});
 }
 struct ProtocolList {
   std::vector<ProtocolRow> protocols{};
@@ -34,7 +36,7 @@ struct ProtocolName {
 };
 template <class Visitor>
 void describe(Visitor& visit, ProtocolName& p) {
-  visit("name", p.name, {.required = true, .doc = "of a shipped protocol, as protocol.list gives it"});
+  visit("name", p.name, {.required = true, .doc = "of a protocol, as protocol.list gives it"});
 }
 struct ProtocolText {
   json protocol{};
@@ -44,21 +46,30 @@ void describe(Visitor& visit, ProtocolText& p) {
   visit("protocol", p.protocol, {.required = true, .doc = "as JSON; protocol.schema describes it"});
 }
 
+struct PutProtocol {
+  std::string name{};
+  json protocol{};
+};
+template <class Visitor>
+void describe(Visitor& visit, PutProtocol& p) {
+  visit("name", p.name, {.required = true, .doc = "to keep it under"});
+  visit("protocol", p.protocol, {.required = true, .doc = "as JSON; protocol.schema describes it"});
+}
+
 struct PreviewParams {
   RunRequest request{};
   std::int64_t points = 1000;
 };
 template <class Visitor>
 void describe(Visitor& visit, PreviewParams& p) {
-  visit("protocol", p.request.protocol,
-        {.required = true, .doc = "name of a shipped protocol, or a protocol"});
+  visit("protocol", p.request.protocol, {.required = true, .doc = "name of a protocol, or a protocol"});
   visit("model", p.request.model, {.doc = "as for run.start"});
   visit("set", p.request.set, {.doc = "as for run.start"});
   visit("max_points", p.points, {.min = 2, .max = 20000, .doc = "of the decimated waveform"});
 }
 
 struct PreviewSegment {
-  std::string kind{}, label{};
+  std::string kind{}, label{}, path{};
   double start = 0, end = 0, level = 0, rate = 0;
   std::optional<double> center{}, amplitude{}, frequency{};
 };
@@ -66,6 +77,7 @@ template <class Visitor>
 void describe(Visitor& visit, PreviewSegment& s) {
   visit("kind", s.kind, {.doc = "ramp, hold or sine; a recording's segment table calls a sine a ramp"});
   visit("label", s.label, {.doc = "its name in the segment table"});
+  visit("path", s.path, {.doc = "JSON pointer to the protocol's segment that it comes from"});
   visit("start_s", s.start, {.unit = "s"});
   visit("end_s", s.end, {.unit = "s"});
   visit("level", s.level, {.unit = "V/m"});
@@ -127,7 +139,7 @@ void draw(const protocols::SampledWaveform& program, std::int64_t points, Previe
 }
 
 PreviewSegment row_of(const protocols::Segment& s, const protocols::Piece& piece) {
-  PreviewSegment row{s.kind, s.label, s.start, s.end, s.level, s.rate};
+  PreviewSegment row{s.kind, s.label, s.path, s.start, s.end, s.level, s.rate};
   if (piece.kind != protocols::PieceKind::sine) return row;
   row.kind = "sine";
   row.center = piece.center;
@@ -161,19 +173,32 @@ Preview preview(const PreviewParams& p, Engine& engine) {
 }  // namespace
 
 void add_protocol_methods(Dispatcher& rpc, Engine& engine) {
-  rpc.add<NoParams>({.name = "protocol.list", .doc = "The shipped experiments."}, [](const NoParams&) {
-    ProtocolList out;
-    for (const auto& name : protocols::library_names()) {
-      const auto json = protocols::library_protocol(name).json();
-      out.protocols.push_back({name, json.value("title", name), json.value("source", ""),
-                               json.value("notes", ""), json.value("unit", ""),
-                               json.value("parameters", json::object())});
-    }
-    return out;
-  });
+  rpc.add<NoParams>({.name = "protocol.list",
+                     .doc = "The shipped experiments and those put here.",
+                     .errors = {ErrorCode::bad_protocol, ErrorCode::io_error}},
+                    [&engine](const NoParams&) {
+                      const auto shipped = protocols::library_names();
+                      ProtocolList out;
+                      for (const auto& name : engine.store().protocol_names()) {
+                        const auto json = engine.store().protocol(name).json();
+                        out.protocols.push_back({name, json.value("title", name), json.value("source", ""),
+                                                 json.value("notes", ""), json.value("unit", ""),
+                                                 json.value("parameters", json::object()),
+                                                 std::ranges::find(shipped, name) != shipped.end()});
+                      }
+                      return out;
+                    });
   rpc.add<ProtocolName>(
-      {.name = "protocol.get", .doc = "A shipped protocol.", .errors = {ErrorCode::not_found}},
-      [](const ProtocolName& p) { return ProtocolText{protocols::library_protocol(p.name).json()}; });
+      {.name = "protocol.get",
+       .doc = "A protocol by name.",
+       .errors = {ErrorCode::not_found, ErrorCode::bad_protocol, ErrorCode::io_error}},
+      [&engine](const ProtocolName& p) { return ProtocolText{engine.store().protocol(p.name).json()}; });
+  rpc.add<PutProtocol>(
+      {.name = "protocol.put",
+       .doc = "Keeps a protocol under a name, which becomes its own.",
+       .role = Role::control,
+       .errors = {ErrorCode::bad_protocol, ErrorCode::busy, ErrorCode::io_error, ErrorCode::disk_full}},
+      [&engine](const PutProtocol& p) { engine.store().put_protocol(p.name, p.protocol); });
   rpc.add<NoParams>({.name = "protocol.schema",
                      .doc = "JSON Schema of a protocol.",
                      .result_schema = schema::any_object("a JSON Schema")},

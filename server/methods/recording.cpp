@@ -11,6 +11,7 @@
 #include "recordings/reports/report.h"
 #include "server/engine/live.h"
 #include "server/methods/methods.h"
+#include "server/methods/recording_curves.h"
 #include "server/methods/recording_rows.h"
 #include "server/rpc/schemas.h"
 
@@ -47,7 +48,8 @@ struct ReadParams {
   std::string name{};
   std::int64_t first = 0;
   std::optional<std::int64_t> rows{};
-  std::int64_t max_points = 2000;
+  std::int64_t max_points = 2000, pixels = 1000;
+  std::vector<std::string> axes{};
 };
 template <class Visitor>
 void describe(Visitor& visit, ReadParams& p) {
@@ -56,6 +58,13 @@ void describe(Visitor& visit, ReadParams& p) {
   visit("rows", p.rows, {.min = 1, .doc = "absent: to the end"});
   visit("max_points", p.max_points,
         {.min = 1, .max = 20000, .doc = "more rows are joined to first, min and max; the file has them all"});
+  visit(
+      "axes", p.axes,
+      {.doc =
+           "two of time and the channels, for example field and displacement: curves cycle by cycle, thinned "
+           "by their length in these axes; absent: every channel against time"});
+  visit("pixels", p.pixels,
+        {.min = 10, .max = 10000, .doc = "of the picture's sides: curves are true to half of one"});
 }
 struct ReportParams {
   std::string name{}, format = "json";
@@ -171,6 +180,9 @@ json columns_of(Engine& engine, const ReadParams& p) {
   const auto first = std::min<std::size_t>(static_cast<std::size_t>(p.first), recording.size());
   const auto rows = std::min<std::size_t>(p.rows ? static_cast<std::size_t>(*p.rows) : recording.size(),
                                           recording.size() - first);
+  if (!p.axes.empty())
+    return curves_of(recording, p.axes, first, rows, static_cast<std::size_t>(p.pixels),
+                     static_cast<std::size_t>(p.max_points));
   recordings::Rows part{.time = std::span(recording.time).subspan(first, rows), .channels = {}, .counts = {}};
   for (const auto channel : recordings::all_channels)
     if (recording.has(channel))
@@ -178,6 +190,7 @@ json columns_of(Engine& engine, const ReadParams& p) {
           std::span(recording.at(channel)).subspan(first, rows);
   auto out = decimate(part, static_cast<std::size_t>(p.max_points));
   out["rows"] = rows;
+  out["segments"] = segment_rows(recording);
   return out;
 }
 
@@ -234,15 +247,14 @@ json info_schema() {
                  {"device", or_null(any_object("what it says of itself"))}});
 }
 
-// A table of a report: rows by the keys of its columns.
+// A report: its tables beside its facts.
 json report_schema() {
   using namespace schema;
-  const auto table =
-      object({{"title", text()}, {"rows", list_of(any_object())}, {"notes", list_of(text())}}, any());
   return object({{"title", text()},
                  {"facts", map_of(text())},
+                 {"order", object({{"facts", list_of(text())}, {"tables", list_of(text())}})},
                  {"content", text("the whole report, in a format other than json")}},
-                table);
+                table_schema());
 }
 
 json comparison_schema() {
@@ -344,13 +356,14 @@ void add_recording_methods(Dispatcher& rpc, Engine& engine) {
        .errors = view_errors,
        .result_schema = info_schema()},
       [&engine](const RecordingName& p) { return info_of(engine.store().recording(p.name)); });
-  rpc.add<ReadParams>(
-      {.name = "recording.read",
-       .doc = "Samples to draw, in SI: {time, <channel>: {first, min, max}}. For all of them, get the file.",
-       .lane = Lane::heavy,
-       .errors = view_errors,
-       .result_schema = schema::stretches()},
-      [&engine](const ReadParams& p) { return columns_of(engine, p); });
+  rpc.add<ReadParams>({.name = "recording.read",
+                       .doc = "Samples to draw, in SI: {time, <channel>: {first, min, max}}, or the curves "
+                              "in two axes. For all of "
+                              "them, get the file.",
+                       .lane = Lane::heavy,
+                       .errors = view_errors,
+                       .result_schema = curves_schema()},
+                      [&engine](const ReadParams& p) { return columns_of(engine, p); });
   rpc.add<ReportParams>({.name = "recording.report",
                          .doc = "Stroke, hysteresis, creep, rates and minor loops.",
                          .lane = Lane::heavy,

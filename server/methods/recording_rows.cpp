@@ -4,6 +4,7 @@
 
 #include "recordings/file/reader.h"
 #include "recordings/file/recover.h"
+#include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
 
@@ -34,6 +35,16 @@ RecordingRow row_of(const std::string& path, const recordings::SummaryOrError& r
 }
 
 }  // namespace
+
+nlohmann::json table_schema() {
+  using namespace schema;
+  const auto column = object({{"key", text()}, {"title", text()}, {"unit", text("as people read it")}});
+  return object({{"title", text()},
+                 {"columns", list_of(column, "in order")},
+                 {"rows", list_of(any_object())},
+                 {"notes", list_of(text())}},
+                any());
+}
 
 std::vector<RecordingRow> rows_of(const std::vector<std::string>& paths) {
   const auto read = recordings::read_summaries(paths);

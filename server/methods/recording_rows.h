@@ -29,6 +29,9 @@ void describe(Visitor& visit, RecordingRow& r) {
   visit("bytes", r.bytes, {.unit = "B"});
 }
 
+// A table of a report as JSON: rows by the keys of its columns.
+nlohmann::json table_schema();
+
 std::vector<RecordingRow> rows_of(const std::vector<std::string>& paths);
 
 }  // namespace ferrobench::server

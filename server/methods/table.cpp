@@ -1,8 +1,12 @@
 #include "recordings/reports/table.h"
 
+#include "recordings/file/reader.h"
+#include "recordings/hdf5/read_apart.h"
 #include "recordings/tables/comparison.h"
 #include "server/engine/table_runs.h"
 #include "server/methods/methods.h"
+#include "server/methods/recording_rows.h"
+#include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
 namespace {
@@ -37,6 +41,28 @@ json run_job(const Store& store, const TableParams& p, const std::vector<RunRequ
                                             : json{{"content", render(comparison, format)}};
 }
 
+struct CompareParams {
+  std::string table{};
+  std::vector<std::string> recordings{};
+};
+template <class Visitor>
+void describe(Visitor& visit, CompareParams& p) {
+  static const auto tables = "of the source: " + recordings::published_tables_in_words();
+  visit("table", p.table, {.required = true, .doc = tables});
+  visit("recordings", p.recordings, {.required = true, .doc = "names of recordings"});
+}
+
+json compare(Engine& engine, const CompareParams& p) {
+  const auto table = recordings::published_table(p.table);
+  std::vector<recordings::Recording> measured;
+  double left = recordings::memory_for_each_recording();
+  for (const auto& name : p.recordings) {
+    measured.push_back(recordings::read_recording(engine.store().recording(name).string(), left));
+    left -= static_cast<double>(measured.back().size() * sizeof(double) * 6);
+  }
+  return to_json(as_table(recordings::compare(table, measured)));
+}
+
 }  // namespace
 
 void add_table_methods(Dispatcher& rpc, Engine& engine) {
@@ -55,6 +81,13 @@ void add_table_methods(Dispatcher& rpc, Engine& engine) {
             });
         return engine.jobs().status(id);
       });
+  rpc.add<CompareParams>({.name = "table.compare",
+                          .doc = "The cells of a published table as recordings of this bench have them.",
+                          .lane = Lane::heavy,
+                          .errors = {ErrorCode::not_found, ErrorCode::bad_recording,
+                                     ErrorCode::limit_exceeded, ErrorCode::io_error, ErrorCode::cancelled},
+                          .result_schema = table_schema()},
+                         [&engine](const CompareParams& p) { return compare(engine, p); });
 }
 
 }  // namespace ferrobench::server

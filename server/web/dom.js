@@ -8,11 +8,13 @@ export function element(tag, attributes = {}, ...children) {
   for (const [name, value] of Object.entries(attributes)) {
     if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
     else if (value === true) node.setAttribute(name, "");
-    else if (value !== false && value !== undefined) node.setAttribute(name, value);
+    else if (value !== false && value !== undefined && value !== null) node.setAttribute(name, value);
   }
-  node.append(...children.map((child) => (child instanceof Node ? child : String(child ?? ""))));
+  node.append(...children.flat().filter((c) => c !== null && c !== undefined).map((c) => (c instanceof Node ? c : String(c))));
   return node;
 }
+
+export const button = (text, onclick, attributes = {}) => element("button", { type: "button", onclick, ...attributes }, text);
 
 // Four significant digits, without an exponent where people would not write one.
 export function number(value, digits = 4) {
@@ -24,11 +26,16 @@ export function number(value, digits = 4) {
 }
 
 export function duration(seconds) {
-  if (seconds === null || !Number.isFinite(seconds)) return "–";
+  if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "–";
   if (seconds < 100) return `${number(seconds, 3)} s`;
   const minutes = Math.round(seconds / 60);
   if (minutes < 100) return `${minutes} min`;
   return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+export function bytes(count) {
+  const step = count < 1e3 ? [1, "B"] : count < 1e6 ? [1e3, "kB"] : count < 1e9 ? [1e6, "MB"] : [1e9, "GB"];
+  return `${number(count / step[0], 3)} ${step[1]}`;
 }
 
 export const count = (value) => Number(value).toLocaleString("en").replaceAll(",", "\u202f");
@@ -61,3 +68,19 @@ export function readNumber(input, factor = 1) {
 
 export const facts = (list, rows) =>
   list.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+
+// The channels of a recording as they are drawn: [{key, title, name, unit, factor}]. Charge counts by electrode area where the
+// specimen is known.
+export function shownChannels(specimen) {
+  const area = specimen?.area_m2 * (specimen?.layer_count ?? 1);
+  return [
+    { key: "field", title: "Field", name: "field", unit: "kV/mm", factor: 1e-6 },
+    area > 0
+      ? { key: "charge", title: "Polarization", name: "polarization", unit: "C/m²", factor: 1 / area }
+      : { key: "charge", title: "Charge", name: "charge", unit: "µC", factor: 1e6 },
+    { key: "displacement", title: "Displacement", name: "displacement", unit: "µm", factor: 1e6 },
+    { key: "force", title: "Force", name: "force", unit: "N", factor: 1 },
+  ];
+}
+
+export const timeAxis = { name: "time", unit: "s", factor: 1 };

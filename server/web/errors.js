@@ -1,4 +1,5 @@
-// Failures, as the daemon explains them: what was wrong, where, what was given, what is allowed, what to do.
+// Failures, as the daemon explains them: what was wrong, where, what was given, what is allowed, what to do. They stand in the
+// bar that is always visible, and beside the field that they are about.
 import { byId, element } from "./dom.js";
 
 const shown = (value) => (typeof value === "string" ? value : JSON.stringify(value));
@@ -15,14 +16,15 @@ function allowedNode(problem) {
   return text.length < 300 ? text : element("details", {}, element("summary", {}, `${problem.allowed.length ?? "many"} values`), text);
 }
 
+const told = (value) => value !== undefined && value !== null;
+
 function problemItem(problem) {
   const item = element("li");
   if (problem.path) item.append(element("code", {}, problem.path), " ");
   item.append(problem.message ?? "");
   const rows = [];
-  if (problem.given !== undefined && problem.given !== null)
-    rows.push(["given", shown(problem.given) + (problem.unit ? ` ${problem.unit}` : "")]);
-  if (problem.allowed !== undefined && problem.allowed !== null) rows.push(["allowed", allowedNode(problem)]);
+  if (told(problem.given)) rows.push(["given", shown(problem.given) + (problem.unit ? ` ${problem.unit}` : "")]);
+  if (told(problem.allowed)) rows.push(["allowed", allowedNode(problem)]);
   if (problem.hint) rows.push(["hint", problem.hint]);
   if (rows.length)
     item.append(element("dl", { class: "facts" },
@@ -30,13 +32,26 @@ function problemItem(problem) {
   return item;
 }
 
-// The inputs that the problems point to are marked.
+function besideField(problem) {
+  const parts = [problem.message, told(problem.allowed) && `allowed: ${allowedText(problem).slice(0, 120)}`, problem.hint];
+  return parts.filter(Boolean).join("; ");
+}
+
+let notes = 0;
+
+// The inputs that the problems point to are marked, and the reason stands below them.
 function mark(problems, label) {
+  for (const note of document.querySelectorAll(".field-error")) note.remove();
   for (const input of document.querySelectorAll("[data-path], [data-set]")) {
     const path = input.dataset.path ?? `/set/${input.dataset.set}`;
-    const wrong = problems.some((p) => p.path === path) || (label === "bad_protocol" && path === "/protocol");
-    if (wrong) input.setAttribute("aria-invalid", "true");
-    else input.removeAttribute("aria-invalid");
+    const problem = problems.find((p) => p.path === path) ?? (label === "bad_protocol" && path === "/protocol" ? problems[0] : undefined);
+    input.removeAttribute("aria-invalid");
+    input.removeAttribute("aria-describedby");
+    if (!problem) continue;
+    const id = `field-error-${++notes}`;
+    input.setAttribute("aria-invalid", "true");
+    input.setAttribute("aria-describedby", id);
+    input.after(element("span", { class: "field-error", id }, besideField(problem)));
   }
 }
 

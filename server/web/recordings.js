@@ -1,117 +1,111 @@
-// The recordings: the list, and one of them with its report and plots.
-import { byId, count, duration, element, facts, moment, number } from "./dom.js";
-import { showError } from "./errors.js";
-import { PlotSet } from "./plots.js";
+// The list of recordings: searched, filtered, chosen for an overlay; files are imported by drag or by choosing them.
+import { byId, bytes, count, duration, element, moment } from "./dom.js";
+import { clearErrors, showError } from "./errors.js";
 
-const fileAddress = (name) => `/recordings/${encodeURIComponent(name)}`;
-
-// "loop_area_um_kV_per_mm" -> "loop area [µm kV/mm]": in a report the unit ends the name.
-const unitWords = new Set(["A", "C", "decade", "Hz", "J", "kV", "m", "m2", "m3", "mm", "MPa", "N", "Pa", "per", "percent", "s", "uC", "um", "V"]);
-const shownAs = { percent: "%", um: "µm", uC: "µC", m2: "m²", m3: "m³" };
-function named(key) {
-  const words = key.split("_");
-  let at = words.length;
-  while (at > 1 && unitWords.has(words[at - 1])) --at;
-  const [above, ...below] = words.slice(at).map((w) => shownAs[w] ?? w).join(" ").split(" per ");
-  return { key, name: words.slice(0, at).join(" "), unit: [above, ...below.map((w) => w.replaceAll(" ", "/"))].join("/") };
-}
-
-// JSON has no order of keys: what has no unit tells the rows apart and comes first.
-const columnsOf = (rows) =>
-  [...new Set(rows.flatMap(Object.keys))].map(named).sort((a, b) => (a.unit !== "") - (b.unit !== ""));
-
-function reportTable({ title, rows = [], notes = [] }) {
-  const columns = columnsOf(rows);
-  const kind = ({ key }) => ({ class: rows.some((row) => typeof row[key] === "string") ? "" : "number" });
-  const cell = (value) => (typeof value === "number" ? number(value) : value ?? "");
-  return element("div", {},
-    element("h3", {}, title),
-    element("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": title }, element("table", {},
-      element("thead", {}, element("tr", {}, ...columns.map((c) =>
-        element("th", { scope: "col", ...kind(c) }, c.unit ? `${c.name} [${c.unit}]` : c.name)))),
-      element("tbody", {}, ...rows.map((row) =>
-        element("tr", {}, ...columns.map((c) => element("td", kind(c), cell(row[c.key])))))))),
-    ...notes.map((note) => element("p", { class: "note" }, note)));
-}
+const kind = (status) => (status === "complete" ? "good" : ["running", "recovered"].includes(status) ? "" : "wrong");
 
 export class Recordings {
-  constructor(rpc) {
+  // open(names): shows one or several; changed(): the list has been read again
+  constructor(rpc, open, changed) {
     this.rpc = rpc;
-    this.shown = null;
+    this.open = open;
+    this.changed = changed;
+    this.list = [];
+    this.chosen = new Set();
+    for (const id of ["recording-search", "recording-status"]) byId(id).addEventListener("input", () => this.#show());
+    byId("overlay").addEventListener("click", () => this.open([...this.chosen]));
+    byId("import-file").addEventListener("change", (event) => this.#importAll(event.target.files));
+    const zone = byId("recordings");
+    zone.addEventListener("dragover", (event) => {
+      event.preventDefault();
+      zone.dataset.drag = true;
+    });
+    zone.addEventListener("dragleave", (event) => zone.contains(event.relatedTarget) || delete zone.dataset.drag);
+    zone.addEventListener("drop", (event) => {
+      event.preventDefault();
+      delete zone.dataset.drag;
+      this.#importAll(event.dataTransfer.files);
+    });
   }
 
   async refresh() {
     try {
-      const { recordings } = await this.rpc.call("recording.list");
-      byId("recording-none").hidden = recordings.length > 0;
-      byId("recording-list").replaceChildren(...recordings.map((r) => this.#item(r)));
-      this.#markShown();
+      this.list = (await this.rpc.call("recording.list")).recordings;
+      this.#show();
+      this.changed();
     } catch (error) {
       showError("The list of recordings could not be read.", error);
     }
   }
 
+  mark(names) {
+    this.shown = names;
+    for (const item of byId("recording-list").children)
+      if (names.includes(item.dataset.name)) item.setAttribute("aria-current", "true");
+      else item.removeAttribute("aria-current");
+  }
+
+  #show() {
+    const words = byId("recording-search").value.toLowerCase().split(/\s+/).filter(Boolean);
+    const status = byId("recording-status").value;
+    const text = (r) => [r.name, r.title, r.protocol, r.model, r.device, r.start_time, r.reason].join(" ").toLowerCase();
+    const found = this.list.filter((r) => (!status || r.status === status) && words.every((w) => text(r).includes(w)));
+    byId("recording-none").hidden = found.length > 0;
+    byId("recording-none").textContent = this.list.length ? "None of them fits." : "None yet: every run leaves one here, and files can be dropped here.";
+    byId("recording-count").textContent = this.list.length ? `${found.length} of ${this.list.length}` : "";
+    byId("recording-list").replaceChildren(...found.map((r) => this.#item(r)));
+    this.mark(this.shown ?? []);
+    this.#chose();
+  }
+
   #item(r) {
     const about = r.title || r.name;
-    return element("li", { "data-name": r.name },
-      element("div", { class: "about" }, element("strong", {}, about),
-        element("p", { class: "note" }, r.rows ? `${moment(r.start_time)}, ${duration(r.duration_s)}, ${count(r.rows)} samples, ` : "",
-          element("span", { class: r.status === "complete" ? "" : "wrong" }, r.reason ? `${r.status}: ${r.reason}` : r.status))),
-      element("button", { type: "button", "aria-label": `Report of ${about}, ${moment(r.start_time)}`, onclick: () => this.show(r.name) }, "Report"),
-      element("a", { href: fileAddress(r.name), download: `${r.name}.h5`, "aria-label": `Download ${r.name}` }, "Download"));
+    const box = element("input", { type: "checkbox", "aria-label": `Choose ${about}, ${moment(r.start_time)}`, onchange: () => {
+      if (box.checked) this.chosen.add(r.name);
+      else this.chosen.delete(r.name);
+      this.#chose();
+    } });
+    box.checked = this.chosen.has(r.name);
+    return element("li", { "data-name": r.name }, box,
+      element("div", { class: "about" }, element("a", { href: `#recordings/${encodeURIComponent(r.name)}` }, about),
+        element("p", { class: "note" }, r.rows ? `${moment(r.start_time)} · ${duration(r.duration_s)} · ${count(r.rows)} samples · ${bytes(r.bytes)}` : moment(r.start_time)),
+        element("p", { class: "note" }, element("span", { class: kind(r.status) }, r.reason ? `${r.status}: ${r.reason}` : r.status), r.model ? ` · model ${r.model}` : "")),
+      element("a", { class: "small button", href: `/recordings/${encodeURIComponent(r.name)}`, download: `${r.name}.h5`, "aria-label": `Download ${r.name}` }, "HDF5"));
   }
 
-  #markShown() {
-    for (const item of byId("recording-list").children) {
-      if (item.dataset.name === this.shown) item.setAttribute("aria-current", "true");
-      else item.removeAttribute("aria-current");
+  #chose() {
+    byId("overlay").disabled = this.chosen.size < 2;
+    byId("overlay").textContent = this.chosen.size > 1 ? `Overlay ${this.chosen.size}` : "Overlay";
+  }
+
+  async #importAll(files) {
+    for (const file of files) await this.#import(file);
+    byId("import-file").value = "";
+  }
+
+  async #import(file) {
+    const name = file.name.replace(/\.[^.]*$/, "").replace(/[^A-Za-z0-9._-]/g, "-").replace(/^\.+/, "") || "import";
+    const set = {};
+    for (const input of document.querySelectorAll("[data-import]")) {
+      const value = Number(input.value.replace(",", "."));
+      if (input.value.trim() !== "") set[input.dataset.import] = Number((value * Number(input.dataset.scale)).toPrecision(15));
     }
-  }
-
-  async show(name) {
     try {
-      const [answer, data] = await Promise.all([
-        this.rpc.call("recording.report", { name, format: "json" }),
-        this.rpc.call("recording.read", { name, max_points: 3000 }),
-      ]);
-      this.shown = name;
-      this.#markShown();
-      this.#render(name, answer, data);
+      clearErrors();
+      const buffer = await file.arrayBuffer();
+      let text;
+      try {
+        text = new TextDecoder("utf-8", { fatal: true }).decode(buffer);
+      } catch {
+        text = new TextDecoder("windows-1252").decode(buffer);
+      }
+      const answer = await this.rpc.call("recording.import", { name, csv: text, ...set });
+      await this.refresh();
+      byId("import-findings").replaceChildren(...answer.findings.map((f) => element("li", {}, element("strong", {}, f.kind), " ", f.message)));
+      location.hash = `#recordings/${encodeURIComponent(answer.recordings[0].name)}`;
     } catch (error) {
-      showError(`The report of ${name} could not be made.`, error);
+      if (error.problems?.some((p) => /area|thickness|length/.test(p.path ?? ""))) byId("import-details").open = true;
+      showError(`${file.name} was not imported.`, error);
     }
-  }
-
-  #render(name, report, data) {
-    const place = byId("report");
-    const plots = element("div", { class: "plots" });
-    const { title, facts: known = {}, ...tables } = report;
-    const list = element("dl", { class: "facts" });
-    facts(list, Object.entries(known));
-    place.replaceChildren(
-      element("div", { class: "report-head" }, element("h2", { id: "report-title" }, title),
-        element("button", { type: "button", onclick: () => this.#saveReport(name) }, "Save as HTML"),
-        element("button", { type: "button", onclick: () => this.#close() }, "Close")),
-      list, plots, ...Object.values(tables).map(reportTable));
-    place.hidden = false;
-    new PlotSet(plots).set(data);
-    place.focus();
-  }
-
-  async #saveReport(name) {
-    try {
-      const { content } = await this.rpc.call("recording.report", { name, format: "html" });
-      const address = URL.createObjectURL(new Blob([content], { type: "text/html" }));
-      element("a", { href: address, download: `${name}.html` }).click();
-      setTimeout(() => URL.revokeObjectURL(address), 10000);
-    } catch (error) {
-      showError("The report could not be saved.", error);
-    }
-  }
-
-  #close() {
-    byId("report").hidden = true;
-    this.shown = null;
-    this.#markShown();
   }
 }

@@ -19,6 +19,7 @@ export class Rpc {
   #waiting = new Map();
   #topics = new Map();
   #delay = 500;
+  heard = performance.now(); // when anything last came from the daemon, ms
 
   // onState(open, seconds until the next try)
   constructor(onState) {
@@ -32,6 +33,7 @@ export class Rpc {
     socket.onopen = () => {
       this.#socket = socket;
       this.#delay = 500;
+      this.heard = performance.now();
       this.onState(true, 0);
     };
     socket.onmessage = (event) => this.#take(JSON.parse(event.data));
@@ -41,8 +43,12 @@ export class Rpc {
       this.#waiting.clear();
       this.onState(false, this.#delay / 1000);
       setTimeout(() => this.connect(), this.#delay);
-      this.#delay = Math.min(this.#delay * 2, 8000);
+      this.#delay = Math.min(this.#delay * 2, 4000);
     };
+  }
+
+  get open() {
+    return this.#socket !== null;
   }
 
   // fn(params) for every notification of the topic.
@@ -70,6 +76,7 @@ export class Rpc {
     } catch (error) {
       throw unreachable(error.message);
     }
+    this.heard = performance.now();
     if (reply.error) throw new RpcError(reply.error);
     if (!("result" in reply))
       throw new RpcError({ code: 0, message: reply.message, data: { problems: [{ hint: reply.hint }] } });
@@ -77,6 +84,7 @@ export class Rpc {
   }
 
   #take(message) {
+    this.heard = performance.now();
     if (message.method) return this.#topics.get(message.method)?.(message.params);
     const waiting = this.#waiting.get(message.id);
     this.#waiting.delete(message.id);

@@ -163,7 +163,7 @@ TEST(Imports, LeakageHasACurrentAndNoCharge) {
     const auto& r = tables[0].recording;
     EXPECT_FALSE(r.has(Channel::charge));
     ASSERT_NE(other(r, "current"), nullptr);
-    EXPECT_THAT(render(make_report(r), r, Format::text), HasSubstr("resistivity [Ohm m]"));
+    EXPECT_THAT(render(make_report(r), r, Format::text), HasSubstr("resistivity [Ω m]"));
   }
   const auto stepped = import(imports::aixacct_leakage());
   EXPECT_DOUBLE_EQ(stepped[0].recording.time.front(), 2);  // at the end of the first step

@@ -122,6 +122,8 @@ TEST_F(OpenRpc, IsTrue) {
   const auto shipped = call("protocol.get", {{"name", "full-loops"}})["protocol"];
   call("protocol.validate", {{"protocol", shipped}});
   EXPECT_FALSE(call("protocol.validate", {{"protocol", {{"format", 5}}}})["valid"].get<bool>());
+  call("protocol.put", {{"name", "mine"}, {"protocol", shipped}});
+  call("protocol.list", json::object());
   auto high = trapezium(0.05, 0.05);
   high["segments"][0]["to"] = 3;
   EXPECT_EQ(call("protocol.preview", {{"protocol", high}})["problems"].size(), 3u) << "up, hold and down";
@@ -139,6 +141,8 @@ TEST_F(OpenRpc, IsTrue) {
   call("recording.list", json::object());
   call("recording.info", {{"name", first}});
   EXPECT_EQ(call("recording.read", {{"name", first}})["rows"], 31);
+  EXPECT_EQ(call("recording.read", {{"name", first}, {"axes", {"field", "charge"}}})["rows"], 31);
+  call("table.compare", {{"table", "3.11"}, {"recordings", {first}}});
   for (const auto* format : {"json", "text"}) call("recording.report", {{"name", first}, {"format", format}});
   call("recording.compare", {{"a", first}, {"b", second}});
   call("recording.annotate", {{"name", first}, {"text", "a note"}});

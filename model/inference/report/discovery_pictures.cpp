@@ -19,13 +19,13 @@ struct PictureAxis {
 PictureAxis picture_axis(Channel channel) {
   switch (channel) {
     case Channel::charge:
-      return {"charge / uC", 1e6};
+      return {"charge [µC]", 1e6};
     case Channel::displacement:
-      return {"displacement / um", 1e6};
+      return {"displacement [µm]", 1e6};
     case Channel::force:
-      return {"force / N", 1};
+      return {"force [N]", 1};
     default:
-      return {"field / kV/mm", 1e-6};
+      return {"field [kV/mm]", 1e-6};
   }
 }
 
@@ -35,7 +35,7 @@ recordings::Figure picture_of(const MissingSignal& signal) {
   for (std::size_t i = 0; i < signal.time.size(); ++i)
     s.points.push_back({signal.time[i], axis.scale * signal.value[i]});
   return {.title = signal.recording + ": what is missing acts like this",
-          .x_label = "time / s",
+          .x_label = "time [s]",
           .y_label = axis.label,
           .log_x = false,
           .square = false,
@@ -51,7 +51,7 @@ std::string pictures(const Discovery& d) {
     const auto axis = picture_axis(t.channel);
     recordings::Figure f;
     f.title = t.recording + (t.held_out ? ", locked away" : "") + ": " + t.segment;
-    f.x_label = "time / s";
+    f.x_label = "time [s]";
     f.y_label = axis.label;
     const auto series = [&](const std::string& label, const std::vector<double>& values) {
       recordings::Series s{.label = label, .points = {}};

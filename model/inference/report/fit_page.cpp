@@ -72,8 +72,8 @@ struct Display {
   double scale = 1;
 };
 Display display_of(Channel channel) {
-  if (channel == Channel::charge) return {"charge [uC]", 1e6};
-  if (channel == Channel::displacement) return {"displacement [um]", 1e6};
+  if (channel == Channel::charge) return {"charge [µC]", 1e6};
+  if (channel == Channel::displacement) return {"displacement [µm]", 1e6};
   return {"force [N]", 1};
 }
 

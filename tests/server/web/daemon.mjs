@@ -8,7 +8,7 @@ import { createInterface } from "node:readline";
 
 const patience = 20_000;
 
-// {address, token, stop()}; the daemon prints the page's address, and the token to a terminal alone.
+// {address, token, stop(), signal(name)}; the daemon prints the page's address, and the token to a terminal alone.
 export async function startDaemon(program) {
   const folder = await mkdtemp(join(tmpdir(), "ferrobench-page-"));
   const child = spawn(program, ["--data", folder, "serve", "--port", "0", "--token-file", join(folder, "token")], { stdio: ["ignore", "pipe", "pipe"] });
@@ -23,7 +23,7 @@ export async function startDaemon(program) {
     const read = (line) => {
       said.push(line);
       const match = line.match(/(http:\/\/\S+?)\/?\?token=/);
-      if (match) resolve({ address: match[1], token: readFileSync(join(folder, "token"), "utf8").trim(), stop });
+      if (match) resolve({ address: match[1], token: readFileSync(join(folder, "token"), "utf8").trim(), stop, signal: (name) => child.kill(name) });
     };
     createInterface(child.stdout).on("line", read);
     createInterface(child.stderr).on("line", read);

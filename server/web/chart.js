@@ -1,0 +1,398 @@
+// One chart: uPlot draws axes and the drag rectangle, the curves are drawn here, as loops go back and forth.
+import { element, number } from "./dom.js";
+
+const folder = "/node_modules/uplot/dist";
+let uPlot = null;
+const charts = new Set();
+
+// False if the page was built without the plotting library.
+export async function loadPlots() {
+  try {
+    uPlot = (await import(`${folder}/uPlot.esm.js`)).default;
+  } catch {
+    return false;
+  }
+  document.head.prepend(element("link", { rel: "stylesheet", href: `${folder}/uPlot.min.css` }));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    for (const chart of charts) chart.recolour();
+  });
+  return true;
+}
+
+export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+// Of the k-th of several things that have no order.
+export const kindColour = (k) => colour(`--c${(k % 6) + 1}`);
+
+// From blue over violet to orange, as in a report; place: 0 to 1.
+export function orderColour(place) {
+  const mix = (from, to) => Math.round(from + place * (to - from));
+  return `rgb(${mix(0x2f, 0xe0)} ${mix(0x7f, 0x70)} ${mix(0xd8, 0x20)})`;
+}
+
+function extent(values, out) {
+  for (const v of values) {
+    if (v < out[0]) out[0] = v;
+    if (v > out[1]) out[1] = v;
+  }
+  return out;
+}
+
+// A little room around the data; something to see where it is constant or missing.
+function padded([low, high], share = 0.05) {
+  if (!(low <= high)) return [0, 1];
+  const room = (high - low) * share || Math.abs(high) * 0.1 || 1;
+  return [low - room, high + room];
+}
+
+const scaled = (column, factor) => Float64Array.from(column, (v) => (v === null || v === undefined ? NaN : v * factor));
+
+// The index of the last value of a rising column that is not above x.
+function indexAt(column, x) {
+  let from = 0;
+  let to = column.length;
+  while (from < to) {
+    const middle = (from + to) >> 1;
+    if (column[middle] <= x) from = middle + 1;
+    else to = middle;
+  }
+  return Math.max(0, from - 1);
+}
+
+// Scales are set by redraw() alone.
+const asTold = (_, low, high) => [low ?? 1, high ?? 2];
+
+export class Chart {
+  #frame;
+  #legend = element("span", { class: "legend" });
+  #reading = element("span", { class: "reading" });
+  #zoom = { x: null, y: null };
+  #pointer = null;
+
+  // {title, x: {name, unit, factor}, y: likewise, height, loop, log, group}; a group shares its time axis and cursors.
+  // Units are those shown, and factors lead to them from SI.
+  constructor(parent, options) {
+    this.options = options;
+    this.curves = [];
+    this.stretches = [];
+    this.lines = [];
+    this.dots = [];
+    const { title, x, y, height = 150, loop = false, log = false, group } = options;
+    this.#frame = element("div", { class: "frame", role: "img" });
+    const save = element("button", { type: "button", class: "small", title: `Save "${title}" as PNG`, "aria-label": `Save ${title} as PNG`, onclick: () => this.savePng() }, "PNG");
+    this.figure = element("figure", { class: loop ? "loop" : "series" },
+      element("figcaption", {}, element("strong", {}, title), this.#legend, this.#reading, save), this.#frame);
+    parent.append(this.figure);
+    if (!uPlot) return;
+    const axis = (label, size) => ({
+      label, size, labelSize: 18, labelGap: 0, gap: 4, labelFont: "12px system-ui", font: "11px system-ui",
+      stroke: () => colour("--quiet"), grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { show: false },
+    });
+    const label = ({ name, unit }) => (unit ? `${name} [${unit}]` : name);
+    this.u = new uPlot({
+      width: 300, height, legend: { show: false }, padding: [8, 14, 0, 0],
+      cursor: {
+        points: { show: false }, y: loop, drag: { x: true, y: loop, setScale: false, uni: loop ? 12 : undefined },
+        bind: { dblclick: () => () => this.zoomTo(null, null) },
+      },
+      scales: { x: { time: false, auto: false, range: asTold, distr: log ? 3 : 1 }, y: { auto: false, range: asTold } },
+      axes: [axis(label(x), 22), axis(height < 180 ? y.unit : label(y), 58)],
+      series: [{}, { paths: () => null, points: { show: false } }],
+      hooks: { draw: [(u) => this.#draw(u)], setSelect: [(u) => this.#selected(u)], setCursor: [(u) => this.#pointed(u)] },
+    }, [[0, 1], [0, 1]], this.#frame);
+    if (group) this.#clicks(group);
+    new ResizeObserver(([entry]) => {
+      const width = Math.floor(entry.contentRect.width);
+      if (width > 0) this.u.setSize({ width, height });
+    }).observe(this.#frame);
+    charts.add(this);
+    group?.join(this);
+  }
+
+  // A click, not the end of a drag.
+  #clicks(group) {
+    let from = null;
+    this.u.over.addEventListener("mousedown", (event) => (from = [event.offsetX, event.offsetY]), true);
+    this.u.over.addEventListener("mouseup", (event) => {
+      const moved = from ? Math.hypot(event.offsetX - from[0], event.offsetY - from[1]) : Infinity;
+      from = null;
+      if (moved < 4 && event.button === 0) group.click(this.u.posToVal(event.offsetX, "x"), event.shiftKey);
+    }, true);
+  }
+
+  // Curves in SI: {name, colour: () => text, x, y} or {.., x, low, high}; dots: true marks each point, and joins near ones alone.
+  set(curves) {
+    const { x, y } = this.options;
+    this.curves = curves.map((c) => {
+      const xs = scaled(c.x, x.factor);
+      const low = scaled(c.low ?? c.y, y.factor);
+      return { ...c, x: xs, low, high: c.high && c.high !== c.low ? scaled(c.high, y.factor) : low };
+    });
+    this.#frame.dataset.points = this.curves.reduce((n, c) => n + c.x.length, 0);
+    this.recolour();
+  }
+
+  recolour() {
+    const named = this.curves.filter((c) => c.name);
+    this.#legend.replaceChildren(...(named.length > 1 || this.options.legend ? this.#keys(named) : []));
+    this.redraw();
+  }
+
+  // Of many in order the first and the last tell the scale.
+  #keys(named) {
+    const shown = named.length > 8 ? [named[0], named.at(-1)] : named;
+    return shown.map((c, k) => {
+      const chip = element("span", { class: "chip", "aria-hidden": "true" });
+      chip.style.background = c.colour();
+      return element("span", { class: "key" }, chip, k === 1 && shown.length < named.length ? `to ${c.name}` : c.name);
+    });
+  }
+
+  // [from, to] in the units shown; null: all.
+  zoomTo(x, y) {
+    if (this.options.group) this.options.group.zoom(x);
+    else this.view(x, y);
+  }
+
+  view(x, y) {
+    this.#zoom = { x, y };
+    this.redraw();
+  }
+
+  extents() {
+    const xs = [Infinity, -Infinity];
+    for (const c of this.curves) extent(c.x, xs);
+    return xs;
+  }
+
+  redraw() {
+    const { loop, log } = this.options;
+    let x = this.#zoom.x;
+    if (!x) {
+      x = this.options.group ? this.options.group.extents() : this.extents();
+      x = loop ? padded(x) : log ? (x[0] > 0 && x[1] > x[0] ? x : [1, 10]) : x[1] > x[0] ? x : [x[0] <= x[1] ? x[0] : 0, (x[0] <= x[1] ? x[0] : 0) + 1];
+    }
+    const ys = [Infinity, -Infinity];
+    for (const c of this.curves)
+      for (let i = 0; i < c.x.length; ++i) {
+        if (!loop && (c.x[i] < x[0] || c.x[i] > x[1])) continue;
+        if (c.low[i] < ys[0]) ys[0] = c.low[i];
+        if (c.high[i] > ys[1]) ys[1] = c.high[i];
+      }
+    for (const { y, always } of this.lines) if (always) extent([y], ys);
+    const y = this.#zoom.y ?? padded(ys);
+    this.#describe(ys);
+    if (!this.u) return;
+    this.u.batch(() => {
+      this.u.setScale("x", { min: x[0], max: x[1] });
+      this.u.setScale("y", { min: y[0], max: y[1] });
+    });
+    this.u.redraw(false);
+  }
+
+  #describe([low, high]) {
+    const { title, y } = this.options;
+    this.range = low <= high ? `${number(low)} to ${number(high)} ${y.unit}` : "";
+    this.#frame.setAttribute("aria-label", `${title}: ${this.range || "nothing yet"}`);
+    if (!this.#pointer) this.#reading.textContent = this.range;
+  }
+
+  // The values of a curve at x, in the units shown.
+  at(x, curve = this.curves[0]) {
+    if (!curve?.x.length || !(x >= curve.x[0])) return NaN;
+    const i = indexAt(curve.x, x);
+    return (curve.low[i] + curve.high[i]) / 2;
+  }
+
+  #pointed(u) {
+    const { left, top } = u.cursor;
+    const { x, y, loop } = this.options;
+    this.#pointer = left >= 0 ? left : null;
+    if (this.#pointer === null) return (this.#reading.textContent = this.range ?? "");
+    const at = u.posToVal(left, "x");
+    const value = loop ? u.posToVal(top, "y") : this.at(at);
+    this.#reading.textContent = `${number(value)} ${y.unit} at ${number(at)} ${x.unit}`;
+  }
+
+  #selected(u) {
+    const { left, top, width, height } = u.select;
+    if (!(width > 3 || height > 3)) return;
+    const x = width > 3 ? [u.posToVal(left, "x"), u.posToVal(left + width, "x")] : this.#zoom.x;
+    const y = this.options.loop && height > 3 ? [u.posToVal(top + height, "y"), u.posToVal(top, "y")] : null;
+    u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.zoomTo(x, y);
+  }
+
+  #draw(u) {
+    const { ctx } = u;
+    const { left, top, width, height } = u.bbox;
+    const ratio = devicePixelRatio;
+    const px = (x) => u.valToPos(x, "x", true);
+    const py = (y) => u.valToPos(y, "y", true);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    this.#drawStretches(ctx, px, top, height);
+    ctx.lineJoin = "round";
+    for (const c of this.curves) {
+      ctx.strokeStyle = c.colour();
+      ctx.fillStyle = c.colour();
+      ctx.lineWidth = (c.thin ? 1 : 1.5) * ratio;
+      ctx.setLineDash(c.dashed ? [5 * ratio, 4 * ratio] : []);
+      if (c.dots) this.#drawDots(ctx, c, px, py, ratio);
+      else this.#drawCurve(ctx, c, px, py);
+    }
+    this.#drawMarks(ctx, u, px, py, ratio);
+    ctx.restore();
+  }
+
+  #drawCurve(ctx, c, px, py) {
+    const n = c.x.length;
+    const band = c.high !== c.low;
+    for (let i = 0; i < n; ) {
+      while (i < n && Number.isNaN(c.low[i] + c.x[i])) ++i;
+      const first = i;
+      while (i < n && !Number.isNaN(c.low[i] + c.x[i])) ++i;
+      if (first === i) break;
+      ctx.beginPath();
+      for (let k = first; k < i; ++k) ctx.lineTo(px(c.x[k]), py(c.high[k]));
+      if (band) {
+        for (let k = i - 1; k >= first; --k) ctx.lineTo(px(c.x[k]), py(c.low[k]));
+        ctx.closePath();
+        ctx.globalAlpha = 0.35;
+        ctx.fill();
+        ctx.globalAlpha = 1;
+      }
+      ctx.stroke();
+    }
+  }
+
+  // What was thinned in time is drawn as what it is, samples: a line only between those that lie close together.
+  #drawDots(ctx, c, px, py, ratio) {
+    const near = 14 * ratio;
+    let before = null;
+    ctx.beginPath();
+    for (let i = 0; i < c.x.length; ++i) {
+      const p = [px(c.x[i]), py(c.low[i])];
+      if (Number.isNaN(p[0] + p[1])) {
+        before = null;
+        continue;
+      }
+      if (before && Math.hypot(p[0] - before[0], p[1] - before[1]) < near) {
+        ctx.moveTo(...before);
+        ctx.lineTo(...p);
+      }
+      ctx.rect(p[0] - ratio / 2, p[1] - ratio / 2, ratio, ratio);
+      before = p;
+    }
+    ctx.stroke();
+  }
+
+  #drawStretches(ctx, px, top, height) {
+    this.stretches.forEach(({ from, to, chosen }, k) => {
+      ctx.fillStyle = colour(chosen ? "--chosen" : "--grid");
+      ctx.globalAlpha = chosen ? 0.6 : 0.45;
+      if (chosen || k % 2) ctx.fillRect(px(from), top, px(to) - px(from), height);
+    });
+    ctx.globalAlpha = 1;
+  }
+
+  #drawMarks(ctx, u, px, py, ratio) {
+    const { left, top, width, height } = u.bbox;
+    ctx.font = `${11 * ratio}px system-ui`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "alphabetic";
+    ctx.setLineDash([4 * ratio, 3 * ratio]);
+    ctx.lineWidth = ratio;
+    for (const { y, text } of this.lines) {
+      ctx.strokeStyle = ctx.fillStyle = colour("--bad");
+      ctx.beginPath();
+      ctx.moveTo(left, py(y));
+      ctx.lineTo(left + width, py(y));
+      ctx.stroke();
+      const above = py(y) - 4 * ratio;
+      ctx.fillText(text, left + 6 * ratio, above < top + 10 * ratio ? py(y) + 12 * ratio : above);
+    }
+    const cursors = this.options.group?.cursors ?? {};
+    ctx.strokeStyle = ctx.fillStyle = colour("--ink");
+    for (const [name, x] of Object.entries(cursors)) {
+      if (x === null) continue;
+      ctx.beginPath();
+      ctx.moveTo(px(x), top);
+      ctx.lineTo(px(x), top + height);
+      ctx.stroke();
+      ctx.fillText(name.toUpperCase(), px(x) + 3 * ratio, top + 11 * ratio);
+    }
+    ctx.setLineDash([]);
+    for (const { x, y, name } of this.dots) {
+      ctx.beginPath();
+      ctx.arc(px(x), py(y), 4 * ratio, 0, 2 * Math.PI);
+      ctx.stroke();
+      if (name) ctx.fillText(name, px(x) + 6 * ratio, py(y) - 5 * ratio);
+    }
+  }
+
+  savePng() {
+    if (!this.u) return;
+    const source = this.u.ctx.canvas;
+    const canvas = element("canvas", { width: source.width, height: source.height + 30 });
+    const ctx = canvas.getContext("2d");
+    ctx.fillStyle = colour("--card");
+    ctx.fillRect(0, 0, canvas.width, canvas.height);
+    ctx.fillStyle = colour("--ink");
+    ctx.font = "16px system-ui";
+    ctx.fillText(this.options.title, 10, 20);
+    ctx.drawImage(source, 0, 30);
+    canvas.toBlob((blob) => download(blob, `${this.options.title}.png`));
+  }
+
+  remove() {
+    charts.delete(this);
+    this.u?.destroy();
+    this.figure.remove();
+  }
+}
+
+export function download(blob, name) {
+  const address = URL.createObjectURL(blob);
+  element("a", { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 10000);
+}
+
+// Charts above each other with one time axis, two cursors and one zoom.
+export class TimeGroup {
+  constructor(changed = () => {}) {
+    this.charts = [];
+    this.cursors = { a: null, b: null };
+    this.range = null;
+    this.changed = changed;
+  }
+
+  join(chart) {
+    this.charts.push(chart);
+  }
+
+  extents() {
+    const out = [Infinity, -Infinity];
+    for (const chart of this.charts) if (!chart.figure.hidden) extent(chart.extents(), out);
+    return out;
+  }
+
+  zoom(x) {
+    this.range = x;
+    for (const chart of this.charts) chart.view(x, null);
+    this.changed();
+  }
+
+  // A click sets A, with Shift B.
+  click(x, second) {
+    this.setCursor(second ? "b" : "a", x);
+  }
+
+  setCursor(name, x) {
+    this.cursors[name] = x;
+    for (const chart of this.charts) chart.redraw();
+    this.changed();
+  }
+}

@@ -1,0 +1,260 @@
+// One recording, or several over each other: time with its segments, loops cycle by cycle, creep by hold, the report's tables,
+// published values beside, events, provenance; and what can be done with it.
+import { Chart, colour, download, kindColour, orderColour } from "./chart.js";
+import { button, count, duration, element, facts, moment, shownChannels } from "./dom.js";
+import { clearErrors, showError } from "./errors.js";
+import { RunCharts, chartTools } from "./live.js";
+import { factsOf, reportTable, tablesOf } from "./tables.js";
+
+const loops = [["field", "charge"], ["field", "displacement"], ["displacement", "force"]];
+const published = ["3.10", "3.11", "3.12", "3.13"];
+const fileAddress = (name) => `/recordings/${encodeURIComponent(name)}`;
+
+// The daemon's curves of a loop, in the colours of their order; what lies outside of every cycle is grey.
+function inColour(answer, prefix) {
+  const measure = { cycle: (c) => c.cycle, rate: (c) => Math.log(c.rate), frequency: (c) => Math.log(c.frequency_Hz) }[answer.told_by];
+  const cycles = answer.curves.filter((c) => c.cycle !== null);
+  const places = cycles.map(measure);
+  const [low, high] = [Math.min(...places), Math.max(...places)];
+  const outside = answer.curves.filter((c) => c.cycle === null)
+    .map((c) => ({ x: c.x, y: c.y, colour: () => colour("--faint"), thin: true }));
+  return [...outside, ...cycles.map((c) => ({ ...c, place: high > low ? (measure(c) - low) / (high - low) : 0 }))
+    .sort((a, b) => a.place - b.place)
+    .map((c) => ({ name: prefix + c.label, x: c.x, y: c.y, colour: () => orderColour(c.place) }))];
+}
+
+const oneColour = (answer, name, k) => answer.curves.map((c, i) => ({ name: i ? "" : name, x: c.x, y: c.y, colour: () => kindColour(k) }));
+
+// Change since the start of each hold against the time since.
+function creepCurves(columns, key, holds) {
+  const { time } = columns;
+  const values = columns[key];
+  return holds.map(({ number, start_s: from, end_s: to, label }, k) => {
+    const first = time.findIndex((t) => t >= from);
+    const x = [];
+    const y = [];
+    for (let i = first + 1; first >= 0 && i < time.length && time[i] <= to; ++i) {
+      if (values.first[i] === null) continue;
+      x.push(time[i] - from);
+      y.push(values.first[i] - values.first[first]);
+    }
+    return { name: `hold ${number}: ${label}`, x, y, colour: () => orderColour(holds.length > 1 ? k / (holds.length - 1) : 0) };
+  }).filter((c) => c.x.length > 2);
+}
+
+// The loops of one recording, cycle by cycle, into its charts.
+export const drawLoops = (rpc, name, charts, columns, current = () => true) =>
+  Promise.all(loops.map(async (axes, k) => {
+    if (!axes.every((a) => columns[a])) return;
+    const answer = await rpc.call("recording.read", { name, axes, max_points: 20000 });
+    if (current()) charts.drawLoop(k, inColour(answer, ""));
+  }));
+
+export class RecordingView {
+  // list(): all recordings; started(status) with a replay, removed() after one is deleted
+  constructor(rpc, place, { list, started, removed }) {
+    Object.assign(this, { rpc, place, list, started, removed });
+    this.asked = 0;
+    this.charts = [];
+  }
+
+  #clear() {
+    for (const chart of this.charts) chart.remove();
+    this.charts = [];
+    this.place.replaceChildren();
+    this.place.hidden = true;
+  }
+
+  close() {
+    ++this.asked;
+    this.#clear();
+  }
+
+  async show(names) {
+    const asked = ++this.asked;
+    this.#clear();
+    this.place.hidden = false;
+    this.place.setAttribute("aria-busy", "true");
+    this.place.append(element("p", { class: "note", role: "status" }, "Reading …"));
+    try {
+      if (names.length > 1) await this.#overlay(names, () => asked === this.asked);
+      else await this.#one(names[0], () => asked === this.asked);
+      if (asked !== this.asked) return;
+      this.place.removeAttribute("aria-busy");
+      this.place.focus({ preventScroll: true });
+    } catch (error) {
+      if (asked !== this.asked) return;
+      this.#clear();
+      showError(`${names.join(", ")} could not be shown.`, error);
+    }
+  }
+
+  #curves(name, axes) {
+    return this.rpc.call("recording.read", { name, axes, max_points: 20000 });
+  }
+
+  async #one(name, current) {
+    const [info, report, columns] = await Promise.all([
+      this.rpc.call("recording.info", { name }),
+      this.rpc.call("recording.report", { name, format: "json" }),
+      this.rpc.call("recording.read", { name, max_points: 6000 }),
+    ]);
+    if (!current()) return;
+    const series = element("div", { class: "series-charts" });
+    const loopPlace = element("div", { class: "plots" });
+    const readings = element("table", { class: "readings", hidden: true });
+    const list = element("dl", { class: "facts" });
+    facts(list, factsOf(report));
+    const tables = tablesOf(report);
+    this.place.replaceChildren(
+      this.#head(name, report.title, info), list,
+      element("section", {}, element("h3", {}, "Against time"), element("div", { class: "tools-place" }), series, readings),
+      element("section", {}, element("h3", {}, "Loops"), loopPlace),
+      element("section", { class: "creep", hidden: true }, element("h3", {}, "Creep, hold by hold"), element("div", { class: "plots" })),
+      ...tables.map(reportTable), this.#publishedPart(name), this.#provenance(info));
+    const charts = new RunCharts(series, loopPlace, readings);
+    this.charts.push(charts);
+    charts.setSpecimen(info.specimen);
+    charts.draw(columns);
+    this.place.querySelector(".tools-place").append(chartTools(charts));
+    const rows = columns.segments ?? [];
+    for (const chart of charts.series.values()) {
+      chart.stretches = rows.map((s) => ({ from: s.start_s, to: s.end_s }));
+      chart.redraw();
+    }
+    this.#creep(columns, rows, info.specimen);
+    await drawLoops(this.rpc, name, charts, columns, current);
+  }
+
+  #creep(columns, rows, specimen) {
+    const holds = rows.filter((s) => s.kind === "hold").map((s, i) => ({ ...s, number: i + 1, label: `${Number((s.level * 1e-6).toPrecision(4))} kV/mm` }));
+    const longest = Math.max(0, ...holds.map((h) => h.end_s - h.start_s));
+    const long = holds.filter((h) => h.end_s - h.start_s >= longest / 2).slice(0, 16);
+    const section = this.place.querySelector(".creep");
+    for (const channel of shownChannels(specimen).filter((c) => c.key === "displacement" || c.key === "charge")) {
+      if (!columns[channel.key]) continue;
+      const curves = creepCurves(columns, channel.key, long);
+      if (!curves.length) continue;
+      section.hidden = false;
+      const chart = new Chart(section.querySelector(".plots"), {
+        title: `Creep of the ${channel.name}`, x: { name: "time since the start of the hold", unit: "s", factor: 1 },
+        y: { ...channel, name: `${channel.name} change` }, height: 280, log: true, loop: false, legend: true });
+      this.charts.push(chart);
+      chart.set(curves);
+    }
+  }
+
+  #head(name, title, info) {
+    const write = element("input", { "aria-label": "Note to add", "data-path": "/text", placeholder: "a note" });
+    const form = element("form", { class: "inline", onsubmit: (event) => {
+      event.preventDefault();
+      this.#act("The note was not added.", async () => {
+        await this.rpc.call("recording.annotate", { name, text: write.value });
+        await this.show([name]);
+      });
+    } }, write, element("button", {}, "Annotate"));
+    const compare = element("select", { "aria-label": "Recording to compare with" }, element("option", { value: "" }, "compare with …"),
+      ...this.list().filter((r) => r.name !== name).map((r) => element("option", { value: r.name }, `${r.title || r.name}, ${moment(r.start_time)}`)));
+    const result = element("div", { class: "comparison" });
+    compare.addEventListener("change", () => compare.value && this.#act("They were not compared.", async () =>
+      result.replaceChildren(this.#comparison(await this.rpc.call("recording.compare", { a: name, b: compare.value }), compare.value))));
+    return element("div", {},
+      element("div", { class: "report-head" }, element("h2", { id: "recording-title" }, title),
+        element("a", { class: "button", href: "#recordings" }, "Close")),
+      element("p", { class: "note" }, `${info.status}${info.reason ? `: ${info.reason}` : ""} · ${moment(info.start_time)} · ${duration(info.duration_s)} · ${count(info.rows)} samples`),
+      element("div", { class: "actions" },
+        button("Replay", () => this.#act("The replay was not started.", async () => this.started(await this.rpc.call("replay.start", { recording: name })))),
+        button("Replay fast", () => this.#act("The replay was not started.", async () => this.started(await this.rpc.call("replay.start", { recording: name, fast: true })))),
+        button("HTML", () => this.#saveReport(name)),
+        button("CSV", () => this.#act("It was not exported.", async () => {
+          const { name: file } = await this.rpc.call("recording.export", { name });
+          element("a", { href: fileAddress(file), download: file }).click();
+        })),
+        element("a", { class: "button", href: fileAddress(name), download: `${name}.h5` }, "HDF5"),
+        element("a", { class: "button", href: `#model/${encodeURIComponent(name)}` }, "Simulate"),
+        button("Delete", () => confirm(`Delete ${name}? This cannot be undone.`) && this.#act("It was not deleted.", async () => {
+          await this.rpc.call("recording.delete", { name });
+          await this.removed();
+        }), { class: "danger" }),
+        compare, form), result);
+  }
+
+  async #act(failure, what) {
+    try {
+      clearErrors();
+      await what();
+    } catch (error) {
+      showError(failure, error);
+    }
+  }
+
+  #comparison(difference, other) {
+    const value = (v) => (v === null ? "–" : v);
+    return element("div", {}, element("p", {}, difference.same_samples ? `The samples are those of ${other}, to the bit.` : `The samples differ from those of ${other}:`),
+      difference.same_samples ? null : reportTable({
+        title: "Differences", notes: [],
+        columns: [{ key: "dataset", title: "column", unit: "" }, { key: "unit", title: "unit", unit: "" }, { key: "rms", title: "rms", unit: "" }, { key: "maximum", title: "maximum", unit: "" }, { key: "unequal", title: "rows that differ", unit: "" }],
+        rows: difference.columns.map((c) => ({ ...c, rms: value(c.rms), maximum: value(c.maximum) })),
+      }));
+  }
+
+  #publishedPart(name) {
+    const place = element("div");
+    const choose = element("select", { id: "published", "data-path": "/table" }, element("option", { value: "" }, "none"), ...published.map((t) => element("option", { value: t }, t)));
+    choose.addEventListener("change", () => this.#act("The table was not compared.", async () =>
+      place.replaceChildren(...(choose.value ? [reportTable(await this.rpc.call("table.compare", { table: choose.value, recordings: [name] }))] : []))));
+    return element("section", {}, element("h3", {}, "Beside published values"), element("label", {}, "Table ", choose), place);
+  }
+
+  #provenance(info) {
+    const json = (title, value) => (value ? element("details", {}, element("summary", {}, title), element("pre", { tabindex: "0" }, JSON.stringify(value, null, 2))) : null);
+    const list = element("dl", { class: "facts" });
+    facts(list, [["Identifier", info.identifier], ["File", info.path], ["Started", info.start_time], ["Ended", info.end_time || "–"], ["Seed", String(info.run_seed ?? "–")], ["Past", info.past?.kind ?? "unknown"]]);
+    return element("section", {}, element("h3", {}, "Provenance"), list, json("Protocol", info.protocol), json("Model", info.model), json("Device", info.device));
+  }
+
+  async #saveReport(name) {
+    await this.#act("The report could not be saved.", async () => {
+      const { content } = await this.rpc.call("recording.report", { name, format: "html" });
+      download(new Blob([content], { type: "text/html" }), `${name}.html`);
+    });
+  }
+
+  async #overlay(names, current) {
+    const all = await Promise.all(names.map(async (name) => ({
+      name, info: await this.rpc.call("recording.info", { name }), columns: await this.rpc.call("recording.read", { name, max_points: 3000 }) })));
+    if (!current()) return;
+    const series = element("div", { class: "series-charts" });
+    const loopPlace = element("div", { class: "plots" });
+    const readings = element("table", { class: "readings", hidden: true });
+    this.place.replaceChildren(
+      element("div", { class: "report-head" }, element("h2", { id: "recording-title" }, `${names.length} recordings over each other`), element("a", { class: "button", href: "#recordings" }, "Close")),
+      element("ul", { class: "keys" }, ...all.map(({ name, info }, k) => {
+        const chip = element("span", { class: "chip" });
+        chip.style.background = `var(--c${(k % 6) + 1})`;
+        return element("li", {}, chip, element("a", { href: `#recordings/${encodeURIComponent(name)}` }, info.title || name), ` ${moment(info.start_time)}`);
+      })), element("div", { class: "tools-place" }), series, readings, element("h3", {}, "Loops"), loopPlace);
+    const charts = new RunCharts(series, loopPlace, null);
+    this.charts.push(charts);
+    charts.setSpecimen(all[0].info.specimen);
+    charts.draw(all[0].columns);
+    this.place.querySelector(".tools-place").append(chartTools(charts));
+    // Charge counts by each specimen's own area.
+    const own = (k, key) => {
+      const factor = (info) => shownChannels(info.specimen).find((c) => c.key === key).factor;
+      return factor(all[k].info) / factor(all[0].info);
+    };
+    const times = (values, f) => (f === 1 ? values : values.map((v) => (v === null ? null : v * f)));
+    for (const [key, chart] of charts.series) {
+      const there = all.map((r, k) => ({ r, k })).filter(({ r }) => r.columns[key]);
+      chart.figure.hidden = there.length === 0;
+      chart.set(there.map(({ r, k }) => ({ colour: () => kindColour(k), x: r.columns.time, low: times(r.columns[key].min, own(k, key)), high: times(r.columns[key].max, own(k, key)) })));
+    }
+    for (const [k, axes] of loops.entries()) {
+      const answers = await Promise.all(all.map((r) => (axes.every((a) => r.columns[a]) ? this.#curves(r.name, axes) : null)));
+      if (!current()) return;
+      if (answers.some(Boolean))
+        charts.drawLoop(k, answers.flatMap((a, i) => (a ? oneColour(a, "", i).map((c) => ({ ...c, y: times(c.y, own(i, axes[1])), x: times(c.x, own(i, axes[0])) })) : [])));
+    }
+  }
+}

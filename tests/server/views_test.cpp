@@ -1,0 +1,135 @@
+// What a page asks for: curves true to the samples, protocols of one's own, published values beside a
+// recording.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine_bench.h"
+#include "recordings/file/reader.h"
+#include "server/methods/methods.h"
+
+namespace ferrobench::server {
+namespace {
+
+using nlohmann::json;
+using recordings::Channel;
+
+class Views : public EngineTest {
+ protected:
+  Views() { add_all_methods(rpc, engine); }
+  json call(const std::string& name, const json& params) { return rpc.call(name, params, caller); }
+  Error refusal(const std::string& name, const json& params) {
+    try {
+      call(name, params);
+    } catch (const Error& error) {
+      return error;
+    }
+    return {ErrorCode::internal, "was not refused"};
+  }
+  std::string recorded(const json& request) {
+    call("run.start", request);
+    return engine.wait(engine.status().run).recording;
+  }
+
+  Dispatcher rpc;
+  CallContext caller{.client = "test", .lease = "", .subscriber = nullptr};
+};
+
+const json sweep{{"format", "ferrobench-protocol"},
+                 {"version", 1},
+                 {"name", "sweep"},
+                 {"unit", "kV/mm"},
+                 {"sample_rate_Hz", 2000},
+                 {"start", 0},
+                 {"segments",
+                  {{{"kind", "sine"}, {"amplitude", 0.5}, {"frequency", 1}, {"cycles", 1.25}},
+                   {{"kind", "sine"}, {"amplitude", 0.5}, {"frequency", 20}, {"cycles", 3}, {"phase", 90}}}}};
+
+double apart(double px, double py, double ax, double ay, double bx, double by) {
+  const double length2 = (bx - ax) * (bx - ax) + (by - ay) * (by - ay);
+  const double t =
+      length2 > 0 ? std::clamp(((px - ax) * (bx - ax) + (py - ay) * (by - ay)) / length2, 0., 1.) : 0;
+  return std::hypot(px - ax - t * (bx - ax), py - ay - t * (by - ay));
+}
+
+TEST_F(Views, CurvesOfASweepAreTrueToTheSamples) {
+  const auto name = recorded({{"protocol", sweep}, {"fast", true}});
+  const auto read =
+      call("recording.read", {{"name", name}, {"axes", {"field", "displacement"}}, {"pixels", 200}});
+  EXPECT_DOUBLE_EQ(read["chord_error"].get<double>(), 0.5 / 200);
+  EXPECT_GE(read["cycles"], 3);
+  const auto r = recordings::read_recording(engine.store().recording(name).string());
+  const auto &field = r.at(Channel::field), &x = r.at(Channel::displacement);
+  const auto [low, high] = std::ranges::minmax(field);
+  const auto [short_end, long_end] = std::ranges::minmax(x);
+  // Every sample lies as near to some piece of a curve.
+  double worst = 0;
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    double nearest = INFINITY;
+    for (const auto& curve : read["curves"])
+      for (std::size_t k = 0; k + 1 < curve["x"].size(); ++k)
+        nearest = std::min(nearest, apart(field[i] / (high - low), x[i] / (long_end - short_end),
+                                          curve["x"][k].get<double>() / (high - low),
+                                          curve["y"][k].get<double>() / (long_end - short_end),
+                                          curve["x"][k + 1].get<double>() / (high - low),
+                                          curve["y"][k + 1].get<double>() / (long_end - short_end)));
+    worst = std::max(worst, nearest);
+  }
+  EXPECT_LE(worst, 0.5 / 200 * 1.001);
+}
+
+TEST_F(Views, AxesThatAreNotThereAreRefused) {
+  const auto name = recorded({{"protocol", sweep}, {"fast", true}});
+  const auto error = refusal("recording.read", {{"name", name}, {"axes", {"field", "warmth"}}});
+  EXPECT_EQ(error.code(), ErrorCode::invalid_params);
+  EXPECT_EQ(error.problems().at(0).path, "/axes/1");
+  EXPECT_THAT(error.problems().at(0).allowed.dump(), testing::HasSubstr("displacement"));
+  EXPECT_EQ(refusal("recording.read", {{"name", name}, {"axes", {"field"}}}).problems().at(0).path, "/axes");
+}
+
+TEST_F(Views, AProtocolOfOnesOwnIsKeptListedAndRun) {
+  call("protocol.put", {{"name", "my-sweep"}, {"protocol", sweep}});
+  EXPECT_EQ(call("protocol.get", {{"name", "my-sweep"}})["protocol"]["name"], "my-sweep");
+  const auto list = call("protocol.list", json::object())["protocols"];
+  const auto mine = std::ranges::find_if(list, [](const json& p) { return p["name"] == "my-sweep"; });
+  ASSERT_NE(mine, list.end());
+  EXPECT_FALSE((*mine)["shipped"].get<bool>());
+  const auto name = recorded({{"protocol", "my-sweep"}, {"fast", true}});
+  EXPECT_EQ(call("recording.info", {{"name", name}})["protocol"]["name"], "my-sweep");
+
+  EXPECT_EQ(refusal("protocol.put", {{"name", "full-loops"}, {"protocol", sweep}}).code(), ErrorCode::busy);
+  EXPECT_EQ(refusal("protocol.put", {{"name", "../x"}, {"protocol", sweep}}).code(),
+            ErrorCode::invalid_params);
+  auto wrong = sweep;
+  wrong["segments"][0]["amplitude"] = "high";
+  EXPECT_EQ(refusal("protocol.put", {{"name", "wrong"}, {"protocol", wrong}}).code(),
+            ErrorCode::bad_protocol);
+  EXPECT_EQ(refusal("protocol.get", {{"name", "my-sweeb"}}).code(), ErrorCode::not_found);
+}
+
+TEST_F(Views, AReportSaysItsOrder) {
+  const auto name = recorded({{"protocol", sweep}, {"fast", true}});
+  const auto report = call("recording.report", {{"name", name}});
+  ASSERT_GE(report["order"]["tables"].size(), 2u);
+  for (const auto& key : report["order"]["tables"]) {
+    const auto& table = report[key.get<std::string>()];
+    for (const auto& row : table["rows"])
+      for (const auto& column : table["columns"]) EXPECT_TRUE(row.contains(column["key"].get<std::string>()));
+  }
+  EXPECT_EQ(report["order"]["facts"].at(0), "status");
+}
+
+TEST_F(Views, PublishedValuesStandBesideARecording) {
+  const auto name =
+      recorded({{"protocol", "creep-6-holds-fast"}, {"fast", true}, {"set", {{"prestress_MPa", 8}}}});
+  const auto table = call("table.compare", {{"table", "3.11"}, {"recordings", {name}}});
+  std::size_t measured = 0;
+  for (const auto& row : table["rows"]) measured += row["measured"].is_null() ? 0 : 1;
+  EXPECT_EQ(measured, 6u) << "of the one prestress";
+  EXPECT_EQ(refusal("table.compare", {{"table", "9.9"}, {"recordings", {name}}}).code(),
+            ErrorCode::not_found);
+}
+
+}  // namespace
+}  // namespace ferrobench::server
