@@ -18,7 +18,7 @@
 
 #include "base/priority.h"
 #include "server/net/service.h"
-#include "server/net/unix_socket.h"
+#include "base/unix_socket.h"
 
 namespace ferrobench::server {
 

@@ -12,7 +12,7 @@
 #include "model/model.h"
 #include "net_bench.h"
 #include "server/methods/methods.h"
-#include "server/net/unix_socket.h"
+#include "base/unix_socket.h"
 
 namespace ferrobench::server {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "net_bench.h"
 #include "server/net/client.h"
-#include "server/net/unix_socket.h"
+#include "base/unix_socket.h"
 
 namespace ferrobench::server {
 namespace {
