@@ -58,7 +58,8 @@ recordings::Recording through_usb(const server::RunRequest& request, const serve
   nobody.add_topic(server::samples_topic());
   server::Run run({.id = file.filename(),
                    .plan = std::move(plan),
-                   .device = std::shared_ptr<daq::Device>(std::shared_ptr<void>(), &rig.device()),
+                   .device = std::make_shared<server::HeldDevice>(
+                       std::shared_ptr<daq::Device>(std::shared_ptr<void>(), &rig.device())),
                    .device_name = "usb",
                    .limits = {},
                    .path = file,
