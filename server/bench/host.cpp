@@ -92,6 +92,8 @@ void Host::serve() {
     const std::scoped_lock lock(mutex_);
     devices.swap(devices_);
   }
+  devices.clear();
+  server_.reset();  // the server sees that all of it is done
 }
 
 void Host::hear() {

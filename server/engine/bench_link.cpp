@@ -244,6 +244,7 @@ void BenchLink::die(const std::string& why) {
     const std::scoped_lock lock(mutex_);
     leaving = leaving_;
     lost_ = why;
+    shutdown(channel_.descriptor(), SHUT_RDWR);  // a bench that lives knows that it is alone
     changed_.notify_all();
   }
   if (leaving) return;

@@ -45,7 +45,7 @@ inline std::vector<std::string> frames() {
   const Closed closed{.run = 2,
                       .state = {.guard = daq::Progress::State::ended, .end = daq::End::limit, .rows = 12},
                       .ending = "{}",
-                      .played = {{.start_sample = 0, .end_sample = 12, .kind = "ramp"}}};
+                      .played = {{.start_sample = 0, .end_sample = 12, .kind = "ramp", .label = {}}}};
   return {framed(Open{.call = 1, .device = 3, .driver = "usb", .config = {{"update_rate", 2000}}}),
           framed(prepare()),
           framed(Begin{.run = 2, .path = "a.h5.journal", .events = {{0.5, "note", "x"}}, .unattended = true}),
