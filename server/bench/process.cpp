@@ -22,7 +22,10 @@ constexpr std::string_view process_name = "ferrobench: holds the voltage";
 
 // Those that are played by a bench process. A replay reads a file, and holds no voltage.
 std::unique_ptr<daq::Device> open_device(const std::string& driver, const nlohmann::json& config) {
-  if (driver == "usb") return daq::usb::UsbDevice::open(config);
+  if (driver == "usb") {
+    go_first();  // opening brings an output to zero, and the driver's threads begin here
+    return daq::usb::UsbDevice::open(config);
+  }
   if (driver == "virtual") return daq::VirtualDevice::open(config);
   throw Error(ErrorCode::not_found, "the bench process has no such device",
               Problem{.path = "/device", .given = driver, .allowed = {"usb", "virtual"}});

@@ -95,7 +95,7 @@ Prepared Run::prepared() const {
 void Run::begin(const Begin& asked, recordings::Descriptor journal, bool urgent) {
   if (begun()) throw Error(ErrorCode::bad_state, "this run has begun already");
   start_time_ = asked.start_time;
-  urgent_ = urgent;
+  urgent_ = urgent && device_->model().is_null();  // a model computes as much as it may
   recorder_ = std::make_unique<Recorder>(
       std::move(journal), asked.path, daq::Scaling(device_->columns(), device_->signals(), program_.rate()),
       [this](const recordings::Event& event) { note(event); });

@@ -30,7 +30,7 @@ class Run {
   Run& operator=(const Run&) = delete;
 
   Prepared prepared() const;
-  // Once. With `urgent` its acquisition goes before other threads where the system allows it.
+  // Once. With `urgent` the acquisition from hardware goes before other threads where the system allows it.
   void begin(const Begin& asked, recordings::Descriptor journal, bool urgent);
   bool begun() const { return acquisition_.joinable(); }
 

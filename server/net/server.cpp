@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "base/priority.h"
-#include "server/net/service.h"
 #include "base/unix_socket.h"
+#include "server/net/service.h"
 
 namespace ferrobench::server {
 
