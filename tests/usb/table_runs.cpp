@@ -101,7 +101,8 @@ int run(const std::string& table, std::int64_t seed, double update_rate) {
   constexpr int seeds = 4;
   std::vector<recordings::Comparison> direct;
   for (int s = 0; s < seeds; ++s)
-    direct.push_back(server::run_table(table, rested_requests(table, seed + 100 + s), store, ""));
+    direct.push_back(server::run_table(table, rested_requests(table, seed + 100 + s), store, "",
+                                       [](double) { return true; }));
 
   std::printf("%-40s %12s %12s %12s\n", "cell", "through USB", "without", "spread");
   int apart = 0;
