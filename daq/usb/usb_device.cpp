@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::chrono::milliseconds ramp_step{1};
 // A host that was away for longer goes on as if it had been this long, so no step is larger.
-constexpr double longest_ramp_step = 0.01;  // s
+constexpr double longest_ramp_step = 0.004;  // s
 
 std::string number(double value) {
   return nlohmann::json(value).dump();

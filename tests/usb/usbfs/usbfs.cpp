@@ -75,6 +75,12 @@ int Usbfs::ioctl(unsigned long request, UMockdevIoctlData& arg) {
     case USBDEVFS_GETDRIVER:
       return -ENODATA;  // no kernel driver holds the interface
     case USBDEVFS_CLAIMINTERFACE:
+      // One process holds the interface at a time: what one that died had under way ends with it. Else its
+      // transfers would take the first ticks of the next one's scan.
+      port_.cancel_all();
+      collect();
+      done_.clear();
+      return 0;
     case USBDEVFS_RELEASEINTERFACE:
     case USBDEVFS_DISCONNECT_CLAIM:
     case USBDEVFS_SETCONFIGURATION:
