@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "daq/guard/guard.h"
+#include "daq/replay/replay_device.h"
 #include "daq/scaling.h"
 #include "recordings/analysis/statistics.h"
 
@@ -126,7 +127,7 @@ double mean(const std::vector<double>& values, std::size_t from, std::size_t to)
 }  // namespace
 
 SelftestReport selftest(Device& device, double rate, const std::function<std::string()>& stop_wanted) {
-  if (!device.measures())
+  if (replay_source(device) != nullptr)
     throw Error(ErrorCode::bad_state, "a replay cannot be tested: it has only the answers that were recorded",
                 Problem{.path = "/device", .hint = "test the device that the recording was made with"});
   const auto columns = device.columns();

@@ -34,7 +34,6 @@ struct Header {
   std::optional<double> sample_rate;
   LoadFields load;
   std::optional<Past> past;
-  bool unattended = false;
   nlohmann::json parameters = nlohmann::json::object();
   double start = 0;
   nlohmann::json segments;
@@ -54,8 +53,6 @@ void describe(Visitor& visit, Header& h) {
         {.unit = "Hz", .min = 0, .max = 1e7, .exclusive_min = true, .doc = "what suits the experiment"});
   visit("load", h.load, {.doc = "what the specimen works against"});
   visit("past", h.past, {.doc = "what the specimen has been through before"});
-  visit("unattended", h.unattended,
-        {.doc = "goes on to its end if the server dies or hangs; else the bench stops it safely then"});
   visit("parameters", h.parameters, {.doc = "named numbers, for $name in place of a number"});
   visit("start", h.start, level_info("level before the first segment"));
   visit("segments", h.segments, {.required = true});

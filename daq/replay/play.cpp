@@ -52,8 +52,7 @@ Replay play(ReplayDevice& device, const Limits& bench, const std::function<bool(
       guard.stop("stopped by the operator");
   }
   out.outcome = guard.outcome();
-  auto closing =
-      source.closing(out.outcome.end, out.outcome.reason, guard.segments(), guard.progress().rows_read);
+  auto closing = source.closing(guard);
   r.status = std::move(closing.status);
   r.reason = std::move(closing.reason);
   r.segments = std::move(closing.segments);

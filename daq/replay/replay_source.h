@@ -52,9 +52,7 @@ class ReplaySource {
     std::string status, reason;
     std::vector<recordings::SegmentRow> segments;
   };
-  // `played`: the guard's segments.
-  Closing closing(End end, const std::string& reason, std::vector<recordings::SegmentRow> played,
-                  std::uint64_t rows_read) const;
+  Closing closing(const Guard& guard) const;
 
  private:
   void calibrate(const ReplayConfig& config);

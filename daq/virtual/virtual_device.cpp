@@ -64,10 +64,6 @@ std::unique_ptr<Device> VirtualDevice::open(const nlohmann::json& config) {
   return std::make_unique<VirtualDevice>(model_of(settings), settings);
 }
 
-void VirtualDevice::check(const nlohmann::json& config) {
-  model_of(virtual_config_from_json(config));
-}
-
 nlohmann::json VirtualDevice::info() const {
   nlohmann::json channels = nlohmann::json::array();
   for (const auto& converter : converters_) {

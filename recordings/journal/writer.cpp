@@ -1,7 +1,6 @@
 #include "recordings/journal/writer.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -40,14 +39,6 @@ JournalWriter::JournalWriter(const std::string& path, Begin begin)
     throw;
   }
   synced_ = written_;
-  syncer_ = std::thread([this] { keep_synced(); });
-}
-
-JournalWriter::JournalWriter(Descriptor begun, const std::string& path, Begin layout)
-    : path_(path), begin_(std::move(layout)), file_(std::move(begun)), sequence_(1) {
-  struct stat info {};
-  if (fstat(file_.get(), &info) != 0) throw_write_failure(path_, errno);
-  written_ = synced_ = static_cast<std::uint64_t>(info.st_size);
   syncer_ = std::thread([this] { keep_synced(); });
 }
 

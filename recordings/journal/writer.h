@@ -24,9 +24,6 @@ class JournalWriter {
  public:
   // Makes a new file, locked for as long as this lives: by the lock others know that the run goes on.
   JournalWriter(const std::string& path, Begin begin);
-  // Goes on with one that has its first record and nothing else, which whoever made it has locked. Only the
-  // columns of `layout` are looked at.
-  JournalWriter(Descriptor begun, const std::string& path, Begin layout);
   ~JournalWriter();
   JournalWriter(const JournalWriter&) = delete;
   JournalWriter& operator=(const JournalWriter&) = delete;

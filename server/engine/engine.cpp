@@ -3,6 +3,8 @@
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
 
+#include "daq/not_at_zero.h"
+#include "daq/replay/replay_device.h"
 #include "recordings/format/iso_time.h"
 #include "server/engine/live.h"
 
@@ -34,7 +36,7 @@ Error no_such(const std::string& what, const std::string& given, const nlohmann:
 }  // namespace
 
 Engine::Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener)
-    : hub_(hub), store_(data_folder), benches_(std::move(opener), hazards_), jobs_(hub) {
+    : hub_(hub), store_(data_folder), opener_(std::move(opener)), jobs_(hub) {
   hub.add_topic({.name = "run",
                  .doc = "status of the run: at each change of state, and five times a second",
                  .schema = json_schema<RunStatus>()});
@@ -66,25 +68,6 @@ void Engine::stop() {
   if (!run) return;
   run->stop("the bench shuts down");
   run->wait();
-}
-
-std::string Engine::take_over() {
-  const auto link = benches_.take_over(store_.folder().string());
-  if (!link) return "";
-  std::shared_ptr<Run> run;
-  try {
-    run = std::make_shared<Run>(
-        link, [this] { return lease_.lost(); }, hub_);
-  } catch (...) {  // nobody would watch it
-    link->tell(
-        bench::Stop{.run = link->ready().run, .reason = "the next server can make nothing of the run"});
-    throw;
-  }
-  const auto status = run->status();
-  const std::scoped_lock lock(mutex_);
-  run_ = std::move(run);
-  return "the bench process " + std::to_string(link->ready().process) + " had lost its server: its run " +
-         status.recording + " is " + write_json(status.state).get<std::string>();
 }
 
 bool Engine::output_at_zero() const {
@@ -120,7 +103,7 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   if (!asked.key.empty()) asked.request = write_json(request);
   RunSetup setup{.id = to_string(boost::uuids::random_generator()()), .device_name = request.device};
   std::shared_ptr<Run> before;
-  std::shared_ptr<HeldDevice> open;
+  std::shared_ptr<daq::Device> open;
   {
     Lock lock(mutex_);
     if (auto run = repeated(asked, lock)) return *run;
@@ -169,31 +152,30 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   return run_->status();
 }
 
-RunSetup Engine::make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<HeldDevice> open) {
+RunSetup Engine::make_setup(const RunRequest& request, RunSetup setup,
+                            std::shared_ptr<daq::Device> open) const {
   setup.notes = request.notes;
   setup.rerun_of = request.rerun_of;
   setup.stop_wanted = [this] { return lease_.lost(); };
-  setup.folder = std::filesystem::absolute(store_.folder()).string();
-  setup.last_use = open == nullptr;
   const auto name = replayed(request.device);
   if (open) {
     setup.device = std::move(open);
-    const auto* replay = setup.device->replay();
-    setup.plan = replay != nullptr ? make_replay_plan(request, *replay)
-                                   : make_plan(request, store_, &setup.device->look());
+    setup.replay = daq::replay_source(*setup.device);
+    setup.plan = setup.replay != nullptr ? make_replay_plan(request, *setup.replay)
+                                         : make_plan(request, store_, setup.device.get());
   } else if (name || request.device == "replay") {
     const auto file =
         request.replay_file.empty() ? store_.recording(name.value_or("")).string() : request.replay_file;
     setup.plan = make_replay_plan(request, file);
-    setup.device = benches_.open("replay", setup.plan.device_config);
-    complete_replay_plan(setup.plan, *setup.device->replay());
+    setup.device = opener_("replay", setup.plan.device_config);
+    setup.replay = daq::replay_source(*setup.device);
+    complete_replay_plan(setup.plan, *setup.replay);
   } else {
     setup.plan = make_plan(request, store_);
-    setup.device = benches_.open(request.device, setup.plan.device_config);
+    setup.device = opened(request.device, setup.plan.device_config);
   }
   // A replay can wait for the disk, whatever its clock.
-  setup.real_time =
-      setup.device->replay() == nullptr && setup.device->facts().info.value("clock", "real") != "fast";
+  setup.real_time = setup.replay == nullptr && setup.device->info().value("clock", "real") != "fast";
   return setup;
 }
 
@@ -248,6 +230,13 @@ RunStatus Engine::latest() const {
   if (preparing_) return preparing_->status;
   if (run_) return run_->status();
   return past_.empty() ? RunStatus{} : past_.front().first;
+}
+
+// Opening a device brings its output to zero.
+std::unique_ptr<daq::Device> Engine::opened(const std::string& kind, const nlohmann::json& config) const {
+  auto device = opener_(kind, config);
+  hazards_.resolve(text_at(device->info(), "serial_number"));
+  return device;
 }
 
 // The run under way or just over, by its id or as the latest.
@@ -365,7 +354,7 @@ std::string Engine::open_device(const std::string& kind, const nlohmann::json& c
   // Recordings of the bench by their names: no client reads a file by its path.
   if (kind == "replay" && full.is_object() && full.contains("file") && full["file"].is_string())
     full["file"] = store_.recording(full["file"].get<std::string>()).string();
-  auto device = benches_.open(kind, full);  // closed without the lock where it is refused
+  std::shared_ptr<daq::Device> device = opened(kind, full);  // closed without the lock where it is refused
   const std::scoped_lock lock(mutex_);
   if (devices_.size() >= most_open)
     throw Error(ErrorCode::busy, "too many devices are open",
@@ -391,17 +380,19 @@ Engine::Open& Engine::free_device(const std::string& id, const std::string& what
 }
 
 void Engine::close_device(const std::string& id) {
-  std::shared_ptr<HeldDevice> closed;  // without the lock
+  std::shared_ptr<daq::Device> closed;  // without the lock
   Lock lock(mutex_);
   closed = std::move(free_device(id, "the device cannot be closed", lock).device);
   devices_.erase(id);
   const double slew = limits_.stop_slew;
   lock.unlock();
+  if (closed->output() == 0) return;
   try {
-    closed->close(slew);
-  } catch (const Error& failure) {
-    hazards_.add(text_at(closed->facts().info, "serial_number"), failure.message());
-    throw;
+    closed->go_to(0, slew);
+  } catch (const std::exception& failure) {
+    const auto warning = daq::not_at_zero(failure.what());
+    hazards_.add(text_at(closed->info(), "serial_number"), warning);
+    throw Error(ErrorCode::device_lost, "the device is closed, but " + warning);
   }
 }
 
@@ -412,7 +403,7 @@ std::vector<std::string> Engine::open_devices() const {
   return out;
 }
 
-void Engine::with_device(const std::string& id, const std::function<void(const daq::DeviceFacts&)>& use) {
+void Engine::with_device(const std::string& id, const std::function<void(daq::Device&)>& use) {
   Lock lock(mutex_);
   auto& open = free_device(id, "the device is taken", lock);  // stays where it is while it is used
   open.used = true;
@@ -422,11 +413,11 @@ void Engine::with_device(const std::string& id, const std::function<void(const d
     open.used = false;
     changed_.notify_all();
   });
-  use(open.device->look());
+  use(*open.device);
 }
 
 daq::SelftestReport Engine::selftest(const std::string& id, double rate) {
-  std::shared_ptr<HeldDevice> device;
+  std::shared_ptr<daq::Device> device;
   {
     Lock lock(mutex_);
     find_device(id);
@@ -442,7 +433,7 @@ daq::SelftestReport Engine::selftest(const std::string& id, double rate) {
     tested_ = "";
     changed_.notify_all();
   });
-  return device->selftest(rate, [this] {
+  return daq::selftest(*device, rate, [this] {
     const std::scoped_lock lock(mutex_);
     return test_stop_.empty() ? lease_.lost() : test_stop_;
   });

@@ -16,8 +16,8 @@
 #include <string>
 #include <vector>
 
+#include "daq/registry.h"
 #include "daq/selftest.h"
-#include "server/engine/benches.h"
 #include "server/engine/hazards.h"
 #include "server/engine/jobs.h"
 #include "server/engine/lease.h"
@@ -33,23 +33,16 @@ struct RunTotals {
   void add(const RunStatus& run);
 };
 
-using DeviceOpener = bench::Opener;
+using DeviceOpener =
+    std::function<std::unique_ptr<daq::Device>(const std::string& kind, const nlohmann::json&)>;
 
 class Engine {
  public:
-  // Adds the topics run, samples, events and job to the hub, which outlives the engine. `opener`: opens the
-  // devices, in this process; none: a bench process does.
-  Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener = {});
+  // Adds the topics run, samples, events and job to the hub, which outlives the engine.
+  Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener = daq::open_device);
   ~Engine() { stop(); }
   // Ends what is under way safely and returns when the output is at zero. Nothing starts after.
   void stop();
-
-  // The run of a bench that has lost its server, if there is one in the data folder, goes on as the run of
-  // this engine. What was found, in a sentence; "" if nothing was.
-  std::string take_over();
-  // Starts the bench process now rather than when it is first needed: what it lacks to be on time on a busy
-  // machine, or "". Error(device_unavailable).
-  std::string start_bench() { return benches_.start(); }
 
   // One run or self-test goes on at a time: Error(busy). A request whose idempotency key was seen before
   // starts nothing and returns that run. `path`: where the recording goes, "" for a new one in the store.
@@ -78,9 +71,8 @@ class Engine {
   std::string open_device(const std::string& kind, const nlohmann::json& config);
   void close_device(const std::string& id);
   std::vector<std::string> open_devices() const;
-  // What an open device says now, which is for `use` alone meanwhile and not for long; Error(busy) while a
-  // run or a test has it.
-  void with_device(const std::string& id, const std::function<void(const daq::DeviceFacts&)>& use);
+  // An open device, for `use` alone and not for long; Error(busy) while a run or a test has it.
+  void with_device(const std::string& id, const std::function<void(daq::Device&)>& use);
   // The bench waits for nothing meanwhile. Stopped like a run, with Error(cancelled); errors as
   // daq::selftest.
   daq::SelftestReport selftest(const std::string& id, double rate = daq::selftest_rate);
@@ -105,14 +97,15 @@ class Engine {
   };
   // A device that is open, for one user at a time.
   struct Open {
-    std::shared_ptr<HeldDevice> device{};
+    std::shared_ptr<daq::Device> device{};
     bool used = false;
   };
   using Lock = std::unique_lock<std::mutex>;
 
   std::optional<RunStatus> repeated(const Asked& asked, Lock& lock);
-  RunSetup make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<HeldDevice> open);
+  RunSetup make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<daq::Device> open) const;
   RunStatus latest() const;
+  std::unique_ptr<daq::Device> opened(const std::string& kind, const nlohmann::json& config) const;
   std::shared_ptr<Run> current(const std::string& id) const;
   Open& find_device(const std::string& id);
   // Waits until nobody uses it. Error(busy) as soon as a run or a test has it.
@@ -126,7 +119,7 @@ class Engine {
   mutable Hazards hazards_;
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 
-  Benches benches_;
+  DeviceOpener opener_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;  // a device, the self-test or the run being prepared
   daq::Limits limits_;

@@ -43,8 +43,7 @@ server::RunRequest request(const Kind& kind) {
 
 [[noreturn]] void run_child(const Kind& kind, const fs::path& data, const std::string& path, int told) {
   server::Hub hub;
-  // All of it in the process that is killed, its bench too.
-  server::Engine engine(data, hub, daq::open_device);
+  server::Engine engine(data, hub);
   engine.start(request(kind), path);
   for (;;) {
     const auto status = engine.status();

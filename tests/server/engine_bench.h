@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <string>
 
-#include "daq/registry.h"
 #include "recordings/format/parts.h"
 #include "server/engine/engine.h"
 

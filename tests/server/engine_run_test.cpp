@@ -275,7 +275,7 @@ TEST_F(EngineTest, ShuttingDownStopsARunSafely) {
 void await_test(Engine& engine, const std::string& id) {
   for (int i = 0; i < 2000; ++i) {
     try {
-      engine.with_device(id, [](const daq::DeviceFacts&) {});
+      engine.with_device(id, [](daq::Device&) {});
     } catch (const Error&) {
       return;
     }
@@ -296,7 +296,7 @@ TEST_F(EngineTest, ASelfTestStopsLikeARunAndTheBenchAnswersMeanwhile) {
   usleep(900'000);  // the output is up
   engine.abort("", "enough");
   EXPECT_EQ(test.get(), ErrorCode::cancelled);
-  engine.with_device(id, [](const daq::DeviceFacts& device) { EXPECT_EQ(device.output, 0); });
+  engine.with_device(id, [](daq::Device& device) { EXPECT_EQ(device.output(), 0); });
   EXPECT_TRUE(engine.selftest(id).passed);
 }
 

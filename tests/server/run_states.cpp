@@ -319,8 +319,8 @@ class Observer {
   void look_at(const RunStatus& run) {
     for (const auto& id : bench_.engine.open_devices()) {
       try {
-        bench_.engine.with_device(id, [&](const daq::DeviceFacts& device) {
-          if (device.output != 0) failures.push_back(id + " has a voltage at its output and no run");
+        bench_.engine.with_device(id, [&](daq::Device& device) {
+          if (device.output() != 0) failures.push_back(id + " has a voltage at its output and no run");
         });
       } catch (const Error&) {  // has a run, or was closed
       }
