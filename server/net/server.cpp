@@ -118,6 +118,11 @@ Text joined(const Text& first, Text second) {
 void Service::call(std::string text, std::shared_ptr<CallContext> context, Done done) {
   const auto asked = dispatcher.look(text);
   context->crowded = asked.lane == Lane::heavy && views_waiting_ >= most_views_waiting;
+  // A refusal takes no worker's time, and the connection is free again at once.
+  if (context->crowded && asked.views)
+    return asio::post(io, [reply = dispatcher.handle(text, *context), done = std::move(done)]() mutable {
+      done(std::move(reply));
+    });
   const auto lane = context->crowded ? Lane::usual : asked.lane;
   const auto part = [this, context = std::move(context),
                      text = std::make_shared<const std::string>(std::move(text))](Part which) {

@@ -227,7 +227,7 @@ std::optional<json> Dispatcher::answer(const json& request, CallContext& context
 Asked Dispatcher::look(std::string_view text) const noexcept {
   constexpr std::size_t most_looked_at = 64u << 10;
   if (text.size() > most_looked_at) return {.lane = Lane::heavy};
-  std::size_t count = 0, urgent = 0;
+  std::size_t count = 0, urgent = 0, heavy = 0;
   Asked out;
   try {
     MethodNames names([&](const std::string& name) {
@@ -237,13 +237,16 @@ Asked Dispatcher::look(std::string_view text) const noexcept {
       urgent += method->info.lane == Lane::urgent ? 1 : 0;
       out.stop = out.stop || method->info.role == Role::stop;
       out.alone = out.alone && method->info.role == Role::stop;
-      if (method->info.lane == Lane::heavy) out.lane = Lane::heavy;
+      if (method->info.lane != Lane::heavy) return;
+      ++heavy;
+      out.lane = Lane::heavy;
     });
     if (!json::sax_parse(text, &names) || count > limits_.max_batch) return {};  // to be refused
   } catch (...) {
     return {};
   }
   if (count > 0 && urgent == count) out.lane = Lane::urgent;
+  out.views = count > 0 && heavy == count;
   return out;
 }
 

@@ -41,6 +41,7 @@ struct Asked {
   Lane lane = Lane::usual;  // of the slowest of its requests
   bool stop = false;        // whether something in it stops the bench
   bool alone = true;        // and nothing else is in it
+  bool views = false;       // whether it asks for nothing but what is heavy
 };
 enum class Part { all, stops, rest };  // of a batch
 

@@ -151,6 +151,27 @@ TEST(NetStops, MoreViewersThanAnybodyWaitsForAreRefused) {
   EXPECT_EQ(http(bench, {.body = call("view", 1, {{"seconds", 0}}).dump()}).status, 200);
 }
 
+// A viewer who is refused leaves the place to others though every worker is taken.
+TEST(NetStops, ARefusedViewWaitsForNoWorker) {
+  Bench bench;
+  std::vector<std::unique_ptr<Line>> lines;
+  const auto ask = [&](const json& request) {
+    lines.push_back(std::make_unique<Line>(bench));
+    lines.back()->say(request);
+  };
+  for (int i = 0; i < 2; ++i) ask(call("view", i, {{"seconds", 2}}));
+  ASSERT_TRUE(eventually([&] { return bench.viewing == 2; }));
+  for (int i = 0; i < 32; ++i) ask(call("view", i, {{"seconds", 0}}));
+  for (int i = 0; i < 4; ++i) ask(nap(2, i));
+  std::this_thread::sleep_for(100ms);
+  const auto begin = Clock::now();
+  for (const auto& body : {call("view", 7), json::array({call("view", 7), call("view", 8)})}) {
+    const auto reply = json::parse(http(bench, {.body = body.dump()}).body);
+    EXPECT_EQ((reply.is_array() ? reply[0] : reply)["error"]["data"]["name"], "busy");
+  }
+  EXPECT_LT(Clock::now() - begin, 1s);
+}
+
 TEST(NetStops, LongTextsAreNotLookedThroughForOne) {
   Bench bench;
   const auto all = [&](const json& text) { return bench.rpc.look(text.dump()); };
