@@ -21,8 +21,8 @@ namespace {
 constexpr std::string_view allowed_in_names =
     "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
 constexpr std::size_t longest_name = 120;
-constexpr std::size_t most_to_name = 40;  // where a name is not known, of those that are
-constexpr std::size_t most_model_bytes = 16u << 20;
+constexpr std::size_t most_to_name = 40;            // where a name is not known, of those that are
+constexpr std::size_t most_file_bytes = 16u << 20;  // of a model or a protocol
 
 std::string utc_stamp() {
   const std::time_t now = std::time(nullptr);
@@ -73,6 +73,14 @@ std::vector<std::string> with_files_of(const fs::path& folder, std::vector<std::
     if (entry.path().extension() == ".json") names.push_back(entry.path().stem().string());
   std::ranges::sort(names);
   return names;
+}
+
+void refuse_shipped(const std::string& what, const std::string& name,
+                    const std::vector<std::string>& shipped) {
+  if (std::ranges::count(shipped, name) > 0)
+    throw Error(
+        ErrorCode::busy, "a shipped " + what + " has this name",
+        Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
 }
 
 void put_json(const fs::path& path, const nlohmann::json& content) {
@@ -181,16 +189,13 @@ nlohmann::json Store::model(const std::string& name) const {
     return model::to_json(model::library_model(name));
   if (std::ranges::count(model_names(), name) == 0) throw_not_found("model", name, model_names());
   const auto file = (folder_ / "models" / (name + ".json")).string();
-  return model::to_json(model::model_from_text(read_text_file(file, most_model_bytes, ErrorCode::bad_model)));
+  return model::to_json(model::model_from_text(read_text_file(file, most_file_bytes, ErrorCode::bad_model)));
 }
 
 void Store::put_model(const std::string& name, const nlohmann::json& model) const {
   check_name(name, "/name");
   const auto checked = model::model_from_json(model);
-  if (std::ranges::count(model::model_library_names(), name) > 0)
-    throw Error(
-        ErrorCode::busy, "a shipped model has this name",
-        Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
+  refuse_shipped("model", name, model::model_library_names());
   put_json(folder_ / "models" / (name + ".json"), model::to_json(checked));
 }
 
@@ -201,7 +206,8 @@ std::vector<std::string> Store::protocol_names() const {
 protocols::Protocol Store::protocol(const std::string& name) const {
   if (std::ranges::count(protocols::library_names(), name) > 0) return protocols::library_protocol(name);
   if (std::ranges::count(protocol_names(), name) == 0) throw_not_found("protocol", name, protocol_names());
-  return protocols::Protocol::from_file((folder_ / "protocols" / (name + ".json")).string());
+  const auto file = (folder_ / "protocols" / (name + ".json")).string();
+  return protocols::Protocol::from_text(read_text_file(file, most_file_bytes, ErrorCode::bad_protocol));
 }
 
 void Store::put_protocol(const std::string& name, const nlohmann::json& protocol) const {
@@ -209,10 +215,7 @@ void Store::put_protocol(const std::string& name, const nlohmann::json& protocol
   auto named = protocol;
   if (named.is_object()) named["name"] = name;
   const auto checked = protocols::Protocol::from_json(named);
-  if (std::ranges::count(protocols::library_names(), name) > 0)
-    throw Error(
-        ErrorCode::busy, "a shipped protocol has this name",
-        Problem{.path = "/name", .message = "is taken", .given = name, .hint = "choose another name"});
+  refuse_shipped("protocol", name, protocols::library_names());
   put_json(folder_ / "protocols" / (name + ".json"), checked.json());
 }
 

@@ -12,6 +12,7 @@ struct ProtocolRow {
   std::string name{}, title{}, source{}, notes{}, unit{};
   json parameters = json::object();
   bool shipped = true;
+  std::string error{};
 };
 template <class Visitor>
 void describe(Visitor& visit, ProtocolRow& r) {
@@ -22,6 +23,7 @@ void describe(Visitor& visit, ProtocolRow& r) {
   visit("unit", r.unit, {.doc = "of levels; rates are in the same per second"});
   visit("parameters", r.parameters, {.doc = "what run.start may set, with its value"});
   visit("shipped", r.shipped, {.doc = "false: put here by protocol.put"});
+  visit("error", r.error, {.doc = "why its file cannot be used; \"\" if it can"});
 }
 struct ProtocolList {
   std::vector<ProtocolRow> protocols{};
@@ -170,22 +172,33 @@ Preview preview(const PreviewParams& p, Engine& engine) {
   return out;
 }
 
+ProtocolRow row_of_protocol(const Store& store, const std::string& name) {
+  const auto shipped = protocols::library_names();
+  ProtocolRow out{.name = name, .title = name, .shipped = std::ranges::count(shipped, name) > 0};
+  try {
+    const auto text = store.protocol(name).json();
+    out.title = text.value("title", name);
+    out.source = text.value("source", "");
+    out.notes = text.value("notes", "");
+    out.unit = text.value("unit", "");
+    out.parameters = text.value("parameters", json::object());
+  } catch (const Error& error) {
+    out.error = error.what();
+  }
+  return out;
+}
+
 }  // namespace
 
 void add_protocol_methods(Dispatcher& rpc, Engine& engine) {
   rpc.add<NoParams>({.name = "protocol.list",
                      .doc = "The shipped experiments and those put here.",
+                     .lane = Lane::heavy,
                      .errors = {ErrorCode::bad_protocol, ErrorCode::io_error}},
                     [&engine](const NoParams&) {
-                      const auto shipped = protocols::library_names();
                       ProtocolList out;
-                      for (const auto& name : engine.store().protocol_names()) {
-                        const auto json = engine.store().protocol(name).json();
-                        out.protocols.push_back({name, json.value("title", name), json.value("source", ""),
-                                                 json.value("notes", ""), json.value("unit", ""),
-                                                 json.value("parameters", json::object()),
-                                                 std::ranges::find(shipped, name) != shipped.end()});
-                      }
+                      for (const auto& name : engine.store().protocol_names())
+                        out.protocols.push_back(row_of_protocol(engine.store(), name));
                       return out;
                     });
   rpc.add<ProtocolName>(

@@ -2,8 +2,10 @@
 // recording.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
+#include <fstream>
 
 #include "engine_bench.h"
 #include "recordings/file/reader.h"
@@ -106,6 +108,20 @@ TEST_F(Views, AProtocolOfOnesOwnIsKeptListedAndRun) {
   EXPECT_EQ(refusal("protocol.put", {{"name", "wrong"}, {"protocol", wrong}}).code(),
             ErrorCode::bad_protocol);
   EXPECT_EQ(refusal("protocol.get", {{"name", "my-sweeb"}}).code(), ErrorCode::not_found);
+}
+
+// A file that somebody left there, and a pipe that nobody writes to, spoil no list.
+TEST_F(Views, AProtocolsFileThatCannotBeUsedIsListedWithItsReason) {
+  const auto protocols = engine.store().folder() / "protocols";
+  std::ofstream(protocols / "torn.json") << "{\"format\": ";
+  ASSERT_EQ(mkfifo((protocols / "pipe.json").c_str(), 0600), 0);
+  const auto list = call("protocol.list", json::object())["protocols"];
+  for (const auto& name : {"torn", "pipe"}) {
+    const auto row = std::ranges::find_if(list, [&](const json& p) { return p["name"] == name; });
+    ASSERT_NE(row, list.end()) << name;
+    EXPECT_NE((*row)["error"], "") << name;
+  }
+  EXPECT_EQ(std::ranges::count_if(list, [](const json& p) { return p["error"] != ""; }), 2);
 }
 
 TEST_F(Views, AReportSaysItsOrder) {
