@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "recordings/analysis/signals.h"
 #include "recordings/analysis/statistics.h"
 
 namespace ferrobench::recordings {
@@ -78,6 +79,15 @@ bool is_pund(const Recording& r, const std::vector<Pulse>& pulses) {
     (pulses[i].up ? up : down) = true;
   }
   return up && down;
+}
+
+std::optional<PulseSequence> pulse_sequence(const Recording& r) {
+  if (r.size() < 2 || !r.has(Channel::field) || !r.has(Channel::charge)) return std::nullopt;
+  PulseSequence out{.list = find_pulses(r), .polarization = {}};
+  if (!is_pund(r, out.list)) return std::nullopt;
+  const auto p = polarization(r);
+  out.polarization.assign(p.values.begin(), p.values.end());
+  return out;
 }
 
 std::vector<PundCycle> pund_cycles(const std::vector<Pulse>& pulses) {

@@ -26,6 +26,13 @@ std::vector<Pulse> find_pulses(const Recording& recording);
 // Of both signs two in a row, all about as high: 4 to 64 pulses.
 bool is_pund(const Recording& recording, const std::vector<Pulse>& pulses);
 
+struct PulseSequence {
+  std::vector<Pulse> list;
+  std::vector<double> polarization;  // C/m^2
+};
+// None unless that is what the recording is of.
+std::optional<PulseSequence> pulse_sequence(const Recording& recording);
+
 // One of each kind in a row, whichever comes first; by PulseKind, indices of pulses.
 using PundCycle = std::array<std::optional<std::size_t>, 4>;
 std::vector<PundCycle> pund_cycles(const std::vector<Pulse>& pulses);

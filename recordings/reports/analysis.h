@@ -7,6 +7,7 @@
 #include "recordings/analysis/clipping.h"
 #include "recordings/analysis/cycles.h"
 #include "recordings/analysis/loop_measures.h"
+#include "recordings/analysis/pund.h"
 
 namespace ferrobench::recordings {
 
@@ -32,6 +33,11 @@ class Analysis {
     if (!clipping_) clipping_.emplace(recording);
     return *clipping_;
   }
+  // None unless the recording is of a positive-up-negative-down sequence.
+  const std::optional<PulseSequence>& pulses() const {
+    if (!pulses_) pulses_ = pulse_sequence(recording);
+    return *pulses_;
+  }
   // Of cycles(), one by one.
   const std::vector<LoopMeasures>& measures() const {
     if (!measures_) {
@@ -46,6 +52,7 @@ class Analysis {
   mutable std::optional<std::vector<Cycle>> cycles_;
   mutable std::optional<LoopMeter> meter_;
   mutable std::optional<Clipping> clipping_;
+  mutable std::optional<std::optional<PulseSequence>> pulses_;
   mutable std::optional<std::vector<LoopMeasures>> measures_;
 };
 

@@ -4,8 +4,7 @@
 #include <cmath>
 
 #include "base/units.h"
-#include "recordings/analysis/pund.h"
-#include "recordings/analysis/signals.h"
+#include "recordings/reports/analysis.h"
 #include "recordings/reports/clipped_cells.h"
 #include "recordings/reports/report.h"
 
@@ -13,21 +12,6 @@ namespace ferrobench::recordings {
 namespace {
 
 constexpr std::array pulse_channels{Channel::charge, Channel::field};
-
-struct Pulses {
-  std::vector<Pulse> list;
-  std::vector<double> polarization;  // C/m^2
-};
-
-// None unless the recording is of a positive-up-negative-down sequence.
-std::optional<Pulses> pulses_of(const Recording& r) {
-  if (r.size() < 2 || !r.has(Channel::field) || !r.has(Channel::charge)) return std::nullopt;
-  Pulses out{.list = find_pulses(r), .polarization = {}};
-  if (!is_pund(r, out.list)) return std::nullopt;
-  const auto p = polarization(r);
-  out.polarization.assign(p.values.begin(), p.values.end());
-  return out;
-}
 
 Cell in_kv_per_mm(double field) {
   return cell(field / volts_per_m_in_kv_per_mm);
@@ -55,8 +39,9 @@ bool near(double a, double b) {
 
 }  // namespace
 
-std::optional<Table> pulse_table(const Recording& r) {
-  const auto pulses = pulses_of(r);
+std::optional<Table> pulse_table(const Analysis& analysis) {
+  const auto& r = analysis.recording;
+  const auto& pulses = analysis.pulses();
   if (!pulses) return std::nullopt;
   const auto& p = pulses->polarization;
   Table table{
@@ -71,7 +56,6 @@ std::optional<Table> pulse_table(const Recording& r) {
       .rows = {},
       .notes = {"A pulse switches if the one before had the other sign. The switched polarization is the "
                 "change of a switching pulse less that of the next, which does not switch."}};
-  const Clipping clipping(r);
   for (std::size_t i = 0; i < pulses->list.size(); ++i) {
     const auto& pulse = pulses->list[i];
     const auto change = [&](std::size_t at) { return cell(p[at] - p[pulse.start]); };
@@ -79,14 +63,15 @@ std::optional<Table> pulse_table(const Recording& r) {
     table.rows.push_back({static_cast<std::int64_t>(i + 1), r.time[pulse.start],
                           in_kv_per_mm(r.at(Channel::field)[pulse.peak]), std::string(kind),
                           change(pulse.peak), change(pulse.end)});
-    mark_clipped(table, clipping, {"field_kV_per_mm", "at_peak_C_per_m2", "left_C_per_m2"}, pulse_channels,
-                 pulse.start, pulse.end);
+    mark_clipped(table, analysis.clipping(), {"field_kV_per_mm", "at_peak_C_per_m2", "left_C_per_m2"},
+                 pulse_channels, pulse.start, pulse.end);
   }
   return table;
 }
 
-std::optional<Table> pund_table(const Recording& r) {
-  const auto pulses = pulses_of(r);
+std::optional<Table> pund_table(const Analysis& analysis) {
+  const auto& r = analysis.recording;
+  const auto& pulses = analysis.pulses();
   if (!pulses) return std::nullopt;
   Table table{
       .key = "pund",
@@ -105,7 +90,6 @@ std::optional<Table> pund_table(const Recording& r) {
       .notes = {
           "P, U, N, D: change of the polarization from where a pulse begins to its largest field. Switched: "
           "the mean of P - U and |N| - |D|; not switched: the mean of U and |D|."}};
-  const Clipping clipping(r);
   const auto cycles = pund_cycles(pulses->list);
   for (std::size_t i = 0; i < cycles.size(); ++i) {
     const auto at_peak = charges_of(cycles[i], pulses->list, pulses->polarization, &Pulse::peak);
@@ -124,13 +108,14 @@ std::optional<Table> pund_table(const Recording& r) {
     table.rows.push_back(std::move(row));
     std::vector<std::string> keys;
     for (const auto& column : std::span(table.columns).subspan(2)) keys.push_back(column.key);
-    mark_clipped(table, clipping, keys, pulse_channels, first, last);
+    mark_clipped(table, analysis.clipping(), keys, pulse_channels, first, last);
   }
   return table;
 }
 
-std::optional<Table> pund_tester_table(const Recording& r) {
-  const auto pulses = pulses_of(r);
+std::optional<Table> pund_tester_table(const Analysis& analysis) {
+  const auto& r = analysis.recording;
+  const auto& pulses = analysis.pulses();
   if (!pulses) return std::nullopt;
   const auto cycles = pund_cycles(pulses->list);
   if (cycles.size() != 1) return std::nullopt;

@@ -32,10 +32,10 @@ std::optional<Table> hysteresis_table(const Analysis& analysis);
 std::optional<Table> creep_table(const Recording& recording);
 std::optional<Table> rate_table(const Analysis& analysis);
 std::optional<Table> minor_loop_table(const Analysis& analysis);
-std::optional<Table> pulse_table(const Recording& recording);  // positive-up-negative-down, pulse by pulse
-std::optional<Table> pund_table(const Recording& recording);   // and cycle by cycle
+std::optional<Table> pulse_table(const Analysis& analysis);  // positive-up-negative-down, pulse by pulse
+std::optional<Table> pund_table(const Analysis& analysis);   // and cycle by cycle
 // Beside what the tester that measured it states, where an import kept that.
-std::optional<Table> pund_tester_table(const Recording& recording);
+std::optional<Table> pund_tester_table(const Analysis& analysis);
 std::optional<Table> leakage_table(
     const Recording& recording);  // a current, and no charge that it would be of
 std::optional<Table> fatigue_table(const Recording& recording);  // a tester's readings between cycles
