@@ -66,7 +66,7 @@ json search_discrepancy(Engine& engine, const DiscoveryParams& p, Jobs::Handle& 
   job.say(0, "reading");
   const auto base = model::model_from_json(resolve_model(p.model, engine.store()));
   std::vector<model::NamedRecording> recordings;
-  for (auto& recording : read_all(engine, p.recordings, job))
+  for (auto& recording : read_all(engine, p.recordings, &job))
     recordings.push_back({p.recordings[recordings.size()], std::move(recording)});
   model::DiscoverOptions options;
   options.held_out = p.held_out;

@@ -114,7 +114,7 @@ json fit(Engine& engine, const FitParams& p, Jobs::Handle& job) {
   job.say(0, "reading");
   const auto start = model::model_from_json(resolve_model(p.model, engine.store()));
   auto result = fit_model(
-      p.request, start, read_all(engine, p.recordings, job),
+      p.request, start, read_all(engine, p.recordings, &job),
       [&job](const model::FitProgress& progress) {
         job.say(progress.fraction, progress.stage);
         return !job.cancelled();

@@ -1,4 +1,4 @@
-// The recordings that a job works on.
+// The recordings that a job or a view works on.
 #pragma once
 
 #include <string>
@@ -11,6 +11,6 @@ namespace ferrobench::server {
 
 // All together they take no more memory than one may. Error(bad_recording) names the one that is too much.
 std::vector<recordings::Recording> read_all(const Engine& engine, const std::vector<std::string>& names,
-                                            const Jobs::Handle& job);
+                                            const Jobs::Handle* job = nullptr);
 
 }  // namespace ferrobench::server

@@ -1,10 +1,9 @@
 #include "recordings/reports/table.h"
 
-#include "recordings/file/reader.h"
-#include "recordings/hdf5/read_apart.h"
 #include "recordings/tables/comparison.h"
 #include "server/engine/table_runs.h"
 #include "server/methods/methods.h"
+#include "server/methods/read_all.h"
 #include "server/methods/recording_rows.h"
 #include "server/rpc/schemas.h"
 
@@ -54,13 +53,7 @@ void describe(Visitor& visit, CompareParams& p) {
 
 json compare(Engine& engine, const CompareParams& p) {
   const auto table = recordings::published_table(p.table);
-  std::vector<recordings::Recording> measured;
-  double left = recordings::memory_for_each_recording();
-  for (const auto& name : p.recordings) {
-    measured.push_back(recordings::read_recording(engine.store().recording(name).string(), left));
-    left -= static_cast<double>(measured.back().size() * sizeof(double) * 6);
-  }
-  return to_json(as_table(recordings::compare(table, measured)));
+  return to_json(as_table(recordings::compare(table, read_all(engine, p.recordings))));
 }
 
 }  // namespace
