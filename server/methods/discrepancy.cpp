@@ -98,7 +98,11 @@ json discovery_schema() {
        {"where",
         list_of(
             object({{"recording", text()}, {"channel", text()}, {"segment", any()}, {"excess", number()}}))},
-       {"recalibrated", map_of(object({{"from", number()}, {"to", number()}, {"std", number()}}))},
+       {"recalibrated",
+        map_of(object({{"from", number()},
+                       {"to", number()},
+                       {"std", number()},
+                       {"over_prior", number("", "in standard deviations of what was known of it")}}))},
        {"gap", any_object("residual over noise, before and after")},
        {"left",
         map_of(object({{"over_noise", number()}, {"of_range", number()}, {"model_error", number()}}))},
@@ -111,6 +115,7 @@ json discovery_schema() {
                            "share_held_out"))},
        {"pasts", list_of(any_object("of a recording, and whether it was chosen"))},
        {"model", any_object("the improved one")},
+       {"asked", any_object("what was asked and of what: model, sources, options, time, software")},
        {"findings", list_of(text(), "in sentences")}},
       any());
   out["type"] = {"object", "string"};
