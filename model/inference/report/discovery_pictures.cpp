@@ -3,31 +3,14 @@
 #include <algorithm>
 
 #include "model/inference/report/empirical_picture.h"
+#include "model/inference/report/picture_axis.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/plot.h"
 
 namespace ferrobench::model {
 namespace {
 
-using recordings::Channel;
 using recordings::escape_html;
-
-struct PictureAxis {
-  std::string label;
-  double scale = 1;
-};
-PictureAxis picture_axis(Channel channel) {
-  switch (channel) {
-    case Channel::charge:
-      return {"charge [µC]", 1e6};
-    case Channel::displacement:
-      return {"displacement [µm]", 1e6};
-    case Channel::force:
-      return {"force [N]", 1};
-    default:
-      return {"field [kV/mm]", 1e-6};
-  }
-}
 
 recordings::Figure picture_of(const MissingSignal& signal) {
   const auto axis = picture_axis(signal.channel);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "model/effects/catalogue.h"
+#include "model/inference/report/picture_axis.h"
 
 namespace ferrobench::model {
 namespace {
@@ -23,7 +24,8 @@ std::vector<double> cycle(double scale) {
 }
 
 void put(recordings::Series& to, std::size_t i, double field, double added, double scale) {
-  if (i >= 4 * static_cast<std::size_t>(steps)) to.points.push_back({1e-6 * field, scale * added});
+  if (i >= 4 * static_cast<std::size_t>(steps))
+    to.points.push_back({picture_axis(recordings::Channel::field).scale * field, scale * added});
 }
 
 recordings::Series along(MaterialTerm<double>& term, const std::vector<double>& fields, double slow,
@@ -75,13 +77,14 @@ recordings::Figure picture_of_empirical(const EffectSetting& setting) {
   Ports ports;
   effect.install(values, unused, ports);
   const auto fields = cycle(field_scale);
+  const auto field_axis = picture_axis(recordings::Channel::field);
   recordings::Figure out{.title = "What " + setting.id + " adds along a slow cycle of the field",
                          .x_label = "field / kV/mm",
                          .y_label = "added field / kV/mm",
                          .log_x = false,
                          .square = true,
                          .series = {}};
-  double scale = 1e-6;
+  double scale = field_axis.scale;
   auto* terms = &ports.seen_by_rates;
   if (!ports.strain.empty()) {
     terms = &ports.strain;

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "model/inference/report/picture_axis.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/plot.h"
 #include "recordings/reports/table.h"
@@ -67,16 +68,6 @@ Table correlation_table(const FitResult& result) {
   return out;
 }
 
-struct Display {
-  std::string label;
-  double scale = 1;
-};
-Display display_of(Channel channel) {
-  if (channel == Channel::charge) return {"charge [µC]", 1e6};
-  if (channel == Channel::displacement) return {"displacement [µm]", 1e6};
-  return {"force [N]", 1};
-}
-
 recordings::Series series(const std::string& label, const std::vector<double>& x, double x_scale,
                           const std::vector<double>& y, double y_scale) {
   recordings::Series out{.label = label, .points = {}};
@@ -95,28 +86,27 @@ std::string title_of(const ComparedCurve& curve) {
 }
 
 recordings::Figure loop_of(const ComparedCurve& before, const ComparedCurve& after) {
-  const auto display = display_of(after.channel);
-  constexpr double field_scale = 1e-6;  // kV/mm
+  const auto axis = picture_axis(after.channel), field = picture_axis(Channel::field);
   return {.title = title_of(after),
-          .x_label = "field [kV/mm]",
-          .y_label = display.label,
+          .x_label = field.label,
+          .y_label = axis.label,
           .log_x = false,
           .square = true,
-          .series = {series("measured", after.field, field_scale, after.measured, display.scale),
-                     series("before", before.field, field_scale, before.simulated, display.scale),
-                     series("after", after.field, field_scale, after.simulated, display.scale)}};
+          .series = {series("measured", after.field, field.scale, after.measured, axis.scale),
+                     series("before", before.field, field.scale, before.simulated, axis.scale),
+                     series("after", after.field, field.scale, after.simulated, axis.scale)}};
 }
 
 recordings::Figure residual_of(const ComparedCurve& before, const ComparedCurve& after) {
-  const auto display = display_of(after.channel);
-  return {.title = title_of(after) + ": measured less model",
-          .x_label = "time [s]",
-          .y_label = display.label,
-          .log_x = false,
-          .square = false,
-          .series = {
-              series("before", before.time, 1, difference(before.measured, before.simulated), display.scale),
-              series("after", after.time, 1, difference(after.measured, after.simulated), display.scale)}};
+  const auto axis = picture_axis(after.channel);
+  return {
+      .title = title_of(after) + ": measured less model",
+      .x_label = "time [s]",
+      .y_label = axis.label,
+      .log_x = false,
+      .square = false,
+      .series = {series("before", before.time, 1, difference(before.measured, before.simulated), axis.scale),
+                 series("after", after.time, 1, difference(after.measured, after.simulated), axis.scale)}};
 }
 
 std::string drawn(const std::vector<recordings::Figure>& figures, const std::string& container) {
