@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <numbers>
@@ -10,6 +13,7 @@
 #include <sstream>
 
 #include "model/inference/parameters/parameters.h"
+#include "model/inference/report/discovery_report.h"
 #include "model/inference/study/discover.h"
 #include "model/model.h"
 #include "model/on_recording.h"
@@ -134,12 +138,29 @@ TEST(Improvement, ARealStageIsMetByOneTable) {
   EXPECT_LT(miss_of(d.improved, locked), 0.003);
 }
 
+TEST(DiscoveryReport, SaysWhatWasAskedAndWhatMovedBeyondWhatWasKnown) {
+  Discovery d;
+  d.asked.model.name = "my stage";
+  d.asked.sources = {{"loop-1", "slow loop", "5f0c", "2026-01-02T03:04:05Z"}};
+  d.recalibrated["gain.charge"] = {1, 1.15, 0.001, 4.7};
+  d.recalibrated["gain.force"] = {1, 1.02, 0.001, 0.7};
+  for (const auto& report : {text_report(d), html_report(d)}) {
+    EXPECT_THAT(report, testing::HasSubstr("my stage"));
+    EXPECT_THAT(report, testing::HasSubstr("loop-1: slow loop, 2026-01-02T03:04:05Z, 5f0c"));
+    EXPECT_THAT(report, testing::HasSubstr("gain.charge went from 1 to 1.15, 4.7 standard deviations"));
+    EXPECT_THAT(report, Not(testing::HasSubstr("gain.force went")));
+  }
+  const auto json = to_json(d);
+  EXPECT_EQ(json["asked"]["sources"][0]["identifier"], "5f0c");
+  EXPECT_EQ(json["recalibrated"]["gain.charge"]["over_prior"], 4.7);
+}
+
 TEST(LinearCapacitor, HasNothingOfSwitchingToFit) {
   std::vector<std::string> free;
   for (const auto& p : default_free_parameters(library_model("linear-capacitor"))) free.push_back(p.path);
   EXPECT_THAT(free, testing::UnorderedElementsAre("material.permittivity_180", "material.compliance_180",
                                                   "material.piezoelectric_180"));
-  EXPECT_FALSE(is_idle(library_model("soft-pzt"), "material.barrier"));
+  EXPECT_FALSE(is_held(library_model("soft-pzt"), "material.barrier"));
 }
 
 }  // namespace

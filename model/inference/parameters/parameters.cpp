@@ -175,7 +175,8 @@ double unit_slope(const FreeParameter& p, double u) {
   return p.logarithmic ? from_unit(p, u) * std::log(p.high / p.low) : p.high - p.low;
 }
 
-bool is_idle(const Model& model, std::string_view path) {
+bool is_held(const Model& model, std::string_view path) {
+  if (path == "material.temperature" || path.starts_with("effects.empirical_")) return true;
   constexpr std::array of_switching{"material.remanent_polarization",
                                     "material.remanent_strain_90",
                                     "material.permittivity_90",
@@ -190,10 +191,9 @@ bool is_idle(const Model& model, std::string_view path) {
 std::vector<FreeParameter> default_free_parameters(const Model& model) {
   std::vector<FreeParameter> out;
   for (const auto& path : parameter_paths(model)) {
-    const bool wanted = path.starts_with("material.") || path.starts_with("polycrystal.") ||
-                        // A table of an empirical term was fitted as a whole and stays.
-                        (path.starts_with("effects.") && !path.starts_with("effects.empirical_"));
-    if (!wanted || path == "material.temperature" || is_idle(model, path)) continue;
+    const bool wanted =
+        path.starts_with("material.") || path.starts_with("polycrystal.") || path.starts_with("effects.");
+    if (!wanted || is_held(model, path)) continue;
     if (path.starts_with("polycrystal.") && path != "polycrystal.bias_field" &&
         get_parameter(model, path) == 0)
       continue;

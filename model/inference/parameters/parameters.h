@@ -42,14 +42,14 @@ double from_unit(const FreeParameter& p, double u);
 // d value / d u.
 double unit_slope(const FreeParameter& p, double u);
 
-// Whether nothing but switching shows this number, and no domain of the model switches: its barrier is above
-// all that a fit may give one.
-bool is_idle(const Model& model, std::string_view path);
+// Whether nothing is estimated of a number: of the temperature, which only counts by its ratio to the
+// activation volume; of an empirical term's table, which was fitted as a whole; and, where no domain
+// switches, as the barrier is above all that a fit may give one, of what only switching shows.
+bool is_held(const Model& model, std::string_view path);
 
 // Parameters that a fit frees if nothing is said: material and polycrystal without what no recording can tell
 // (temperature), and the parameters of the model's effects. Spreads that are zero stay so: switching one on
-// is an effect, not a fit. The bias field is free even at zero, for an amplifier's offset acts like one. Of a
-// model in which nothing switches, what only switching shows is left out.
+// is an effect, not a fit. The bias field is free even at zero, for an amplifier's offset acts like one.
 std::vector<FreeParameter> default_free_parameters(const Model& model);
 
 }  // namespace ferrobench::model

@@ -78,10 +78,7 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
   for (const auto& path : parameter_paths(model)) {
     const bool wanted = path.starts_with("material.") || path.starts_with("polycrystal.") ||
                         path.starts_with("effects.") || path == "actuator.passive_stiffness";
-    // A table was fitted as a whole and stays.
-    if (path.starts_with("effects.empirical_")) continue;
-    // Temperature and activation volume are one number, their ratio.
-    if (!wanted || path == "material.temperature" || is_idle(model, path)) continue;
+    if (!wanted || is_held(model, path)) continue;
     const double value = get_parameter(model, path);
     // What is zero is absent; to switch it on is an effect.
     if (value == 0) continue;
