@@ -200,9 +200,8 @@ void add_replay(CLI::App& app, Common& common) {
       ->capture_default_str();
   sub->add_flag("--quiet", o->quiet, "no progress");
   sub->footer(
-      "Exit code 1: --verify found a difference. The mean is of model less measurement. A model starts from "
-      "rest where the part that is played "
-      "starts,\n"
+      "Exit code 1: --verify found a difference. With --model: the mean is of model less measurement.\n"
+      "A model starts from rest where the part that is played starts,\n"
       "after the past that --past or the recording names; of a later part it is none.\n"
       "Examples:\n"
       "  ferrobench replay creep.h5 --verify\n"

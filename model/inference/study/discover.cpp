@@ -252,17 +252,16 @@ class Inquiry {
       return;
     auto task = improvement_task(s_, fine_.simulation());
     task.named = s_.out.added;
-    improved_ = improve(after_.hypothesis, after_.z, task);
+    auto improved = improve(after_.hypothesis, after_.z, task);
+    if (improved.added.size() > task.named.size()) improved_ = std::move(improved);
   }
 
   void tell_improvement() {
     auto& out = s_.out;
-    if (found_.gross || improved_->added.size() > out.added.size()) {
-      after_.hypothesis = improved_->hypothesis;
-      after_.z = improved_->z;
-      stand_at(coarse_, after_);
-      out.added = improved_->added;
-    }
+    after_.hypothesis = improved_->hypothesis;
+    after_.z = improved_->z;
+    stand_at(coarse_, after_);
+    out.added = improved_->added;
     if (found_.gross) {
       before_ = std::move(improved_->base);
       out.recalibrated = recalibrations(before_, s_.options.selection);

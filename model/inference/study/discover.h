@@ -80,7 +80,7 @@ struct AddedTerm {
   EffectEstimate term;
   bool empirical = false;  // a table that was fitted and stands for what has no name
   // Of the excess that stood before it; on recordings that were learned from, and on the others. None where
-  // two were found together, or nothing was locked away.
+  // two were found together or a table came beside what noise had named, or nothing was locked away.
   std::optional<double> share{}, share_held_out{};
 };
 
