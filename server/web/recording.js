@@ -42,11 +42,13 @@ function creepCurves(columns, key, holds) {
   }).filter((c) => c.x.length > 2);
 }
 
+const curvesOf = (rpc, name, axes) => rpc.call("recording.read", { name, axes, max_points: 20000 });
+
 // The loops of one recording, cycle by cycle, into its charts.
 export const drawLoops = (rpc, name, charts, columns, current = () => true) =>
   Promise.all(loops.map(async (axes, k) => {
     if (!axes.every((a) => columns[a])) return;
-    const answer = await rpc.call("recording.read", { name, axes, max_points: 20000 });
+    const answer = await curvesOf(rpc, name, axes);
     if (current()) charts.drawLoop(k, inColour(answer, ""));
   }));
 
@@ -87,10 +89,6 @@ export class RecordingView {
       this.#clear();
       showError(`${names.join(", ")} could not be shown.`, error);
     }
-  }
-
-  #curves(name, axes) {
-    return this.rpc.call("recording.read", { name, axes, max_points: 20000 });
   }
 
   async #one(name, current) {
@@ -251,7 +249,7 @@ export class RecordingView {
       chart.set(there.map(({ r, k }) => ({ colour: () => kindColour(k), x: r.columns.time, low: times(r.columns[key].min, own(k, key)), high: times(r.columns[key].max, own(k, key)) })));
     }
     for (const [k, axes] of loops.entries()) {
-      const answers = await Promise.all(all.map((r) => (axes.every((a) => r.columns[a]) ? this.#curves(r.name, axes) : null)));
+      const answers = await Promise.all(all.map((r) => (axes.every((a) => r.columns[a]) ? curvesOf(this.rpc, r.name, axes) : null)));
       if (!current()) return;
       if (answers.some(Boolean))
         charts.drawLoop(k, answers.flatMap((a, i) => (a ? oneColour(a, "", i).map((c) => ({ ...c, y: times(c.y, own(i, axes[1])), x: times(c.x, own(i, axes[0])) })) : [])));
