@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "base/fields.h"
-#include "server/net/unix_socket.h"
+#include "base/unix_socket.h"
 
 namespace ferrobench::server {
 namespace {
@@ -56,12 +56,10 @@ Error error_of(const json& error) {
 // Whoever can write to the folder can listen there, and would be told what is to be done, and could answer
 // anything.
 void demand_trusted(int fd, const std::string& unix_socket) {
-  ucred peer{};
-  socklen_t size = sizeof peer;
-  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && (peer.uid == geteuid() || peer.uid == 0))
-    return;
+  unsigned user = 0;
+  if (is_trusted_peer(fd, &user)) return;
   throw Error(ErrorCode::unauthorized, "another user's program answers in the daemon's place",
-              Problem{.message = "belongs to user " + std::to_string(peer.uid),
+              Problem{.message = "belongs to user " + std::to_string(user),
                       .given = unix_socket,
                       .allowed = "user " + std::to_string(geteuid()) + " or root",
                       .hint = "use a data folder that only you can write to (--data), or call as that user"});

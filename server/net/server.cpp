@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "base/priority.h"
+#include "base/unix_socket.h"
 #include "server/net/service.h"
-#include "server/net/unix_socket.h"
 
 namespace ferrobench::server {
 

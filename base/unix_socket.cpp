@@ -1,4 +1,4 @@
-#include "server/net/unix_socket.h"
+#include "base/unix_socket.h"
 
 #include <fcntl.h>
 #include <sys/socket.h>
@@ -13,7 +13,7 @@
 
 #include "base/error.h"
 
-namespace ferrobench::server {
+namespace ferrobench {
 namespace {
 
 [[noreturn]] void fail(const std::string& path, const std::string& why, const std::string& hint) {
@@ -107,4 +107,12 @@ int connect_unix(const std::string& path) {
   return -1;
 }
 
-}  // namespace ferrobench::server
+bool is_trusted_peer(int socket, unsigned* user) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  const bool known = getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0;
+  if (user != nullptr) *user = peer.uid;
+  return known && (peer.uid == geteuid() || peer.uid == 0);
+}
+
+}  // namespace ferrobench
