@@ -13,18 +13,23 @@ namespace {
 // Time from the hold's start and value, averaged over bins of a tenth of a decade.
 struct LogBins {
   std::vector<double> log_time, time, value;
+  std::vector<std::size_t> samples;
 };
 
 LogBins log_bins(const Recording& r, const Signal& signal, const Hold& hold, double from) {
   LogBins out;
-  double log_sum = 0, time_sum = 0, value_sum = 0, count = 0;
+  double log_sum = 0, time_sum = 0, value_sum = 0;
+  std::size_t samples = 0;
   auto bin = std::numeric_limits<double>::quiet_NaN();
   const auto close = [&] {
-    if (count == 0) return;
+    if (samples == 0) return;
+    const auto count = static_cast<double>(samples);
+    out.samples.push_back(samples);
     out.log_time.push_back(log_sum / count);
     out.time.push_back(time_sum / count);
     out.value.push_back(value_sum / count);
-    log_sum = time_sum = value_sum = count = 0;
+    log_sum = time_sum = value_sum = 0;
+    samples = 0;
   };
   for (std::size_t i = hold.first + 1; i <= hold.last; ++i) {
     const double t = r.time[i] - r.time[hold.first];
@@ -37,7 +42,7 @@ LogBins log_bins(const Recording& r, const Signal& signal, const Hold& hold, dou
     log_sum += log_time;
     time_sum += t;
     value_sum += signal.values[i];
-    ++count;
+    ++samples;
   }
   close();
   return out;
@@ -55,6 +60,17 @@ std::optional<double> half_time(const std::vector<double>& time, const std::vect
     done_before = done;
   }
   return std::nullopt;
+}
+
+Estimate log_slope(const LogBins& bins, const Signal& signal) {
+  const auto line = fit_line(bins.log_time, bins.value);
+  double squares = 0, variance = 0;
+  for (std::size_t k = 0; k < bins.value.size(); ++k) {
+    const double square = std::pow(bins.log_time[k] - line.x0, 2);
+    squares += square;
+    variance += square * signal.statistics.variance_of_mean(bins.samples[k]);
+  }
+  return {line.slope, std::sqrt(variance) / squares, signal.gain_uncertainty * std::abs(line.slope)};
 }
 
 }  // namespace
@@ -77,13 +93,13 @@ std::vector<Hold> find_holds(const Recording& recording) {
 Creep measure_creep(const Recording& recording, const Signal& signal, const Hold& hold) {
   const auto count = hold.last - hold.first + 1;
   Creep out;
-  out.start = edge_value(recording, signal, hold.first, count, false);
-  out.end = edge_value(recording, signal, hold.first, count, true);
-  out.change = out.end - out.start;
+  const auto start = edge_reading(recording, signal, hold.first, count, false),
+             end = edge_reading(recording, signal, hold.first, count, true);
+  out.change = signal.estimate(end - start);
 
   const double step = recording.time[hold.first + 1] - recording.time[hold.first];
   const auto bins = log_bins(recording, signal, hold, std::max(0.01 * hold.duration, 2.5 * step));
-  if (bins.value.size() >= 5) out.per_decade = fit_line(bins.log_time, bins.value).slope;
+  if (bins.value.size() >= 5) out.per_decade = log_slope(bins, signal);
 
   // Without noise every sample tells; with it, means over a tenth of a decade do.
   std::vector<double> time, value;
@@ -96,15 +112,15 @@ Creep measure_creep(const Recording& recording, const Signal& signal, const Hold
     auto all = log_bins(recording, signal, hold, 0);
     time = std::move(all.time);
     value = std::move(all.value);
-    value.push_back(out.start);
-    value.push_back(out.end);
+    value.push_back(start.value);
+    value.push_back(end.value);
     time.push_back(hold.duration);
     time.push_back(hold.duration);
   }
   if (const auto range = extremes(value)) out.range = range->span();
   // A change that noise explains has no half.
-  if (std::abs(out.change) > 3 * signal.noise && out.change != 0)
-    out.time_to_half = half_time(time, value, out.start, out.change);
+  if (std::abs(out.change.value) > 3 * signal.noise && out.change.value != 0)
+    out.time_to_half = half_time(time, value, start.value, out.change.value);
   return out;
 }
 

@@ -21,15 +21,18 @@ struct Hold {
 std::vector<Hold> find_holds(const Recording& recording);
 
 struct Creep {
-  double start = 0, end = 0;
-  double change = 0;                   // end minus start
+  Estimate change;                     // end minus start
   double range = 0;                    // largest minus smallest value within the hold
-  std::optional<double> per_decade;    // slope against log10(t / 1 s), t from the hold's start
+  std::optional<Estimate> per_decade;  // slope against log10(t / 1 s), t from the hold's start
   std::optional<double> time_to_half;  // s, when half of `change` has happened
 };
 
-// start and end: edge_value(). The slope is fitted by least squares to means over tenths of a decade, from a
-// hundredth of the hold (and at least three samples) on.
+// start and end: edge_reading(). The slope is fitted by least squares to means over tenths of a decade, from
+// a hundredth of the hold (and at least three samples) on.
+//
+// Uncertainties (uncertainty.h): of the change from what both ends are read from; of the slope b from the
+// means v_k, u^2(b) = sum of (x_k - x)^2 u^2(v_k) / (sum of (x_k - x)^2)^2, x_k = log10 t_k. Range and time
+// to half have none: noise chooses the places from which they are read.
 Creep measure_creep(const Recording& recording, const Signal& signal, const Hold& hold);
 
 }  // namespace ferrobench::recordings

@@ -75,9 +75,9 @@ class Branch {
   double start_ = NAN, end_ = -INFINITY;
 };
 
-}  // namespace
-
-double enclosed_area(std::span<const double> x, std::span<const double> y) {
+// The area between both ways where they differ by less than `limit`; none if x goes there and back more than
+// once.
+std::optional<double> between_ways(std::span<const double> x, std::span<const double> y, double limit) {
   std::size_t far = 0;
   double travelled = 0, before = x.empty() ? NAN : x[0];
   for (std::size_t i = 0; i < x.size(); ++i) {
@@ -88,7 +88,7 @@ double enclosed_area(std::span<const double> x, std::span<const double> y) {
     if (!(std::abs(x[i] - x[0]) <= std::abs(x[far] - x[0]))) far = i;
   }
   const double span = x.empty() ? 0 : std::abs(x[far] - x[0]);
-  if (!(travelled <= 2.1 * span)) return std::abs(loop_integral(x, y));
+  if (!(travelled <= 2.1 * span)) return std::nullopt;
   const double sign = x[far] > x[0] ? 1 : -1;
   Branch out(x.first(far + 1), y.first(far + 1), false, sign);
   Branch back(x.subspan(far), y.subspan(far), true, sign);
@@ -98,28 +98,39 @@ double enclosed_area(std::span<const double> x, std::span<const double> y) {
   double area = 0;
   for (int i = 0; i < steps; ++i) {
     const double at = low + (high - low) * (i + 0.5) / steps;
-    area += std::abs(out.at(at) - back.at(at));
+    if (const double apart = std::abs(out.at(at) - back.at(at)); apart < limit) area += apart;
   }
   return area * (high - low) / steps;
 }
 
-std::optional<Extremes> extremes(std::span<const double> values) {
-  double low = INFINITY, high = -INFINITY;
-  for (const double v : values) {
-    low = std::min(low, v);  // NaN is not less
-    high = std::max(high, v);
-  }
-  return low <= high ? std::optional(Extremes{low, high}) : std::nullopt;
+}  // namespace
+
+double enclosed_area(std::span<const double> x, std::span<const double> y) {
+  const auto area = between_ways(x, y, INFINITY);
+  return area ? *area : std::abs(loop_integral(x, y));
 }
 
-std::vector<double> crossings(std::span<const double> x, std::span<const double> y, double level) {
-  std::vector<double> out;
+double thin_area(std::span<const double> x, std::span<const double> y, double limit) {
+  return between_ways(x, y, limit).value_or(0);
+}
+
+std::optional<Extremes> extremes(std::span<const double> values) {
+  Extremes out{INFINITY, -INFINITY, 0, 0};
+  for (std::size_t i = 0; i < values.size(); ++i) {  // NaN is neither less nor more
+    if (values[i] < out.low) out.low = values[i], out.low_at = i;
+    if (values[i] > out.high) out.high = values[i], out.high_at = i;
+  }
+  return out.low <= out.high ? std::optional(out) : std::nullopt;
+}
+
+std::vector<Crossing> crossings(std::span<const double> y, double level) {
+  std::vector<Crossing> out;
   std::size_t before = y.size();
   for (std::size_t i = 0; i < y.size(); ++i) {
-    if (std::isnan(x[i]) || std::isnan(y[i])) continue;
+    if (std::isnan(y[i])) continue;
     if (before < y.size()) {
       const double a = y[before] - level, b = y[i] - level;
-      if ((a < 0) != (b < 0) && a != b) out.push_back(x[before] + (x[i] - x[before]) * a / (a - b));
+      if ((a < 0) != (b < 0) && a != b) out.push_back({before, i, a / (a - b)});
     }
     before = i;
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "recordings/analysis/signals.h"
 #include "recordings/analysis/statistics.h"
@@ -25,41 +26,90 @@ double longest_step(const std::vector<double>& time) {
   return usual_steps * median(std::move(steps));
 }
 
-std::optional<double> mean_of(std::optional<double> a, std::optional<double> b) {
-  if (a && b) return (*a + *b) / 2;
+std::optional<Reading> mean_of(const std::optional<Reading>& a, const std::optional<Reading>& b) {
+  if (a && b) return 0.5 * (*a + *b);
   return a ? a : b;
 }
 
-const std::optional<double>& of(const std::array<std::optional<double>, 4>& change, PulseKind kind) {
+const std::optional<Reading>& of(const std::array<std::optional<Reading>, 4>& change, PulseKind kind) {
   return change.at(static_cast<std::size_t>(kind));
 }
+
+// The field of pulses, what noise does to it taken into account.
+class PulseField {
+ public:
+  explicit PulseField(const Recording& r)
+      : field_(r.at(Channel::field)),
+        time_(r.time),
+        largest_(largest_of(field_)),
+        step_(longest_step(r.time)),
+        noise_(r.noise.at(static_cast<std::size_t>(Channel::field)).value_or(estimate_noise(field_))) {}
+
+  bool within(std::size_t i, double share) const { return std::abs(field_[i]) > share * largest_; }
+
+  // The last sample that noise cannot tell from the largest, where the field stays there; the middle of them
+  // where it only passes.
+  std::size_t peak(std::size_t largest, std::size_t first, std::size_t last) const {
+    constexpr double widest = 10;  // standard deviations from the highest of a million samples to the lowest
+    const double top = std::abs(field_[largest]) - widest * noise_;
+    std::size_t from = largest, to = largest;
+    while (from > first && std::abs(field_[from - 1]) >= top) --from;
+    while (to < last && std::abs(field_[to + 1]) >= top) ++to;
+    const std::size_t count = to - from + 1, quarter = count / 4;
+    if (quarter == 0) return noise_ > 0 ? largest : to;
+    const std::span all(field_);
+    const double inside = std::abs(mean(all.subspan(from + quarter, count - 2 * quarter))),
+                 end = std::abs(mean(all.subspan(to + 1 - quarter, quarter)));
+    constexpr double falls = 1.5;  // of a triangle's top, an end lies three standard deviations below
+    return inside - end > falls * noise_ ? from + count / 2 : to;
+  }
+
+  // The sample at which a field of this sign has come to rest, seen from sample `at` on, before or after it:
+  // noise hides what is left, or nothing lower follows at once.
+  std::size_t rest(std::size_t at, double sign, bool before) const {
+    constexpr double hidden = 3;
+    constexpr std::size_t follows = 8;
+    const double none = std::max(hidden * noise_, 1e-9 * largest_);
+    const auto beside = [before](std::size_t i) { return before ? i - 1 : i + 1; };
+    const auto ends = [&](std::size_t i) {
+      return (before ? i == 0 : i + 1 == field_.size()) || std::abs(time_[beside(i)] - time_[i]) > step_;
+    };
+    const auto falls_from = [&](std::size_t i) {
+      const double here = sign * field_[i];
+      for (std::size_t k = 0; k < follows && !ends(i); ++k)
+        if (i = beside(i); sign * field_[i] < here) return true;
+      return false;
+    };
+    while (sign * field_[at] > none && falls_from(at)) at = beside(at);
+    return at;
+  }
+
+ private:
+  const std::vector<double>&field_, &time_;
+  double largest_, step_, noise_;
+};
 
 }  // namespace
 
 std::vector<Pulse> find_pulses(const Recording& r) {
   const auto& field = r.at(Channel::field);
-  const double largest = largest_of(field), step = longest_step(r.time);
+  const PulseField pulses(r);
   std::vector<Pulse> out;
   for (std::size_t i = 1; i < field.size(); ++i) {
-    if (!(std::abs(field[i]) > pulse_from * largest) || std::abs(field[i - 1]) > pulse_from * largest)
-      continue;
+    if (!pulses.within(i, pulse_from) || pulses.within(i - 1, pulse_from)) continue;
     Pulse pulse{i - 1, i, i, field[i] > 0};
     const double sign = pulse.up ? 1 : -1;
-    while (pulse.start > 0 && sign * field[pulse.start] > 0 &&
-           sign * field[pulse.start - 1] < sign * field[pulse.start] &&
-           r.time[pulse.start] - r.time[pulse.start - 1] <= step)
-      --pulse.start;
-    const auto within = [&](double limit) {
+    pulse.start = pulses.rest(pulse.start, sign, true);
+    const auto goes_on = [&](double share) {
       return pulse.end + 1 < field.size() && (field[pulse.end] > 0) == pulse.up &&
-             std::abs(field[pulse.end]) > limit * largest;
+             pulses.within(pulse.end, share);
     };
-    for (; within(pulse_from); ++pulse.end)
+    for (; goes_on(pulse_from); ++pulse.end)
       if (std::abs(field[pulse.end]) > std::abs(field[pulse.peak])) pulse.peak = pulse.end;
+    pulse.peak = pulses.peak(pulse.peak, i, pulse.end);
     i = pulse.end;
-    while (within(pulse_rest)) ++pulse.end;
-    while (within(0) && sign * field[pulse.end + 1] < sign * field[pulse.end] &&
-           r.time[pulse.end + 1] - r.time[pulse.end] <= step)
-      ++pulse.end;
+    while (goes_on(pulse_rest)) ++pulse.end;
+    pulse.end = pulses.rest(pulse.end, sign, false);
     if (pulse.end - pulse.start > 4) out.push_back(pulse);
   }
   return out;
@@ -83,11 +133,9 @@ bool is_pund(const Recording& r, const std::vector<Pulse>& pulses) {
 
 std::optional<PulseSequence> pulse_sequence(const Recording& r) {
   if (r.size() < 2 || !r.has(Channel::field) || !r.has(Channel::charge)) return std::nullopt;
-  PulseSequence out{.list = find_pulses(r), .polarization = {}};
-  if (!is_pund(r, out.list)) return std::nullopt;
-  const auto p = polarization(r);
-  out.polarization.assign(p.values.begin(), p.values.end());
-  return out;
+  auto pulses = find_pulses(r);
+  if (!is_pund(r, pulses)) return std::nullopt;
+  return PulseSequence{std::move(pulses), polarization(r)};
 }
 
 std::vector<PundCycle> pund_cycles(const std::vector<Pulse>& pulses) {
@@ -109,42 +157,43 @@ std::vector<PundCycle> pund_cycles(const std::vector<Pulse>& pulses) {
   return out;
 }
 
-std::optional<double> PundCharges::switched() const {
-  const auto pair = [&](PulseKind switching, PulseKind not_switching) -> std::optional<double> {
+std::optional<Reading> PundCharges::switched() const {
+  const auto pair = [&](PulseKind switching, PulseKind not_switching) -> std::optional<Reading> {
     const auto &a = of(change, switching), &b = of(change, not_switching);
-    return a && b ? std::optional(std::abs(*a) - std::abs(*b)) : std::nullopt;
+    return a && b ? std::optional(abs(*a) - abs(*b)) : std::nullopt;
   };
   return mean_of(pair(PulseKind::p, PulseKind::u), pair(PulseKind::n, PulseKind::d));
 }
 
-std::optional<double> PundCharges::non_switched() const {
+std::optional<Reading> PundCharges::non_switched() const {
   const auto size = [&](PulseKind kind) {
     const auto& value = of(change, kind);
-    return value ? std::optional(std::abs(*value)) : std::nullopt;
+    return value ? std::optional(abs(*value)) : std::nullopt;
   };
   return mean_of(size(PulseKind::u), size(PulseKind::d));
 }
 
-PundCharges charges_of(const PundCycle& cycle, const std::vector<Pulse>& pulses,
-                       const std::vector<double>& polarization, std::size_t Pulse::*at) {
+PundCharges charges_of(const PundCycle& cycle, const PulseSequence& pulses, std::size_t Pulse::*at) {
   PundCharges out;
+  const auto& p = pulses.polarization;
   for (std::size_t k = 0; k < cycle.size(); ++k)
     if (cycle[k]) {
-      const auto& pulse = pulses[*cycle[k]];
-      out.change[k] = polarization[pulse.*at] - polarization[pulse.start];
+      const auto& pulse = pulses.list[*cycle[k]];
+      out.change[k] = p.reading(pulse.*at) - p.reading(pulse.start);
     }
   return out;
 }
 
-std::optional<TesterFigures> tester_figures(const PundCycle& cycle, const std::vector<Pulse>& pulses,
-                                            const std::vector<double>& polarization) {
+std::optional<TesterFigures> tester_figures(const PundCycle& cycle, const PulseSequence& pulses) {
   if (std::ranges::any_of(cycle, [](const auto& pulse) { return !pulse.has_value(); })) return std::nullopt;
-  const auto pulse = [&](PulseKind kind) { return pulses[*cycle.at(static_cast<std::size_t>(kind))]; };
-  const double high = polarization[pulse(PulseKind::p).peak], deep = polarization[pulse(PulseKind::n).peak];
-  const double middle = (high + deep) / 2;
+  const auto at = [&](PulseKind kind, std::size_t Pulse::*where) {
+    return pulses.polarization.reading(pulses.list[*cycle.at(static_cast<std::size_t>(kind))].*where);
+  };
+  const auto high = at(PulseKind::p, &Pulse::peak);
+  const auto middle = 0.5 * (high + at(PulseKind::n, &Pulse::peak));
   return TesterFigures{.p_max = high - middle,
-                       .relaxed_plus = polarization[pulse(PulseKind::u).start] - middle,
-                       .relaxed_minus = polarization[pulse(PulseKind::d).start] - middle};
+                       .relaxed_plus = at(PulseKind::u, &Pulse::start) - middle,
+                       .relaxed_minus = at(PulseKind::d, &Pulse::start) - middle};
 }
 
 }  // namespace ferrobench::recordings

@@ -9,12 +9,14 @@
 #include <optional>
 #include <vector>
 
+#include "recordings/analysis/signals.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::recordings {
 
 struct Pulse {
-  std::size_t start, peak, end;  // samples: before it, at the largest field, and back at none
+  // Samples: before it, at the largest field (the last one, where the field stays there), and back at none.
+  std::size_t start, peak, end;
   bool up;
 };
 
@@ -28,7 +30,7 @@ bool is_pund(const Recording& recording, const std::vector<Pulse>& pulses);
 
 struct PulseSequence {
   std::vector<Pulse> list;
-  std::vector<double> polarization;  // C/m^2
+  Signal polarization;  // C/m^2; the recording outlives it
 };
 // None unless that is what the recording is of.
 std::optional<PulseSequence> pulse_sequence(const Recording& recording);
@@ -40,22 +42,21 @@ std::vector<PundCycle> pund_cycles(const std::vector<Pulse>& pulses);
 // Changes of the polarization in a cycle, C/m^2: at the largest field, or left when the field is back at
 // zero.
 //   switched = ((P - U) + (|N| - |D|)) / 2,  non-switched = (U + |D|) / 2
-// of the pairs that are whole; none without one.
+// of the pairs that are whole; none without one. A sample that two of them are made of counts in both with
+// its sign, so that uncertainties are those of the sums (uncertainty.h).
 struct PundCharges {
-  std::array<std::optional<double>, 4> change;  // by PulseKind, with their signs
-  std::optional<double> switched() const;
-  std::optional<double> non_switched() const;
+  std::array<std::optional<Reading>, 4> change;  // by PulseKind, with their signs
+  std::optional<Reading> switched() const;
+  std::optional<Reading> non_switched() const;
 };
-PundCharges charges_of(const PundCycle& cycle, const std::vector<Pulse>& pulses,
-                       const std::vector<double>& polarization, std::size_t Pulse::*at);
+PundCharges charges_of(const PundCycle& cycle, const PulseSequence& pulses, std::size_t Pulse::*at);
 
 // What an aixACCT tester states of a sequence X U N D P, from the samples by its own definitions, C/m^2. The
 // polarization counts from the middle of its values at the largest fields of N and P.
 struct TesterFigures {
-  double p_max = 0;                            // at the largest field of P
-  double relaxed_plus = 0, relaxed_minus = 0;  // Prrel+, Prrel-: where U and D begin
+  Reading p_max;                        // at the largest field of P
+  Reading relaxed_plus, relaxed_minus;  // Prrel+, Prrel-: where U and D begin
 };
-std::optional<TesterFigures> tester_figures(const PundCycle& cycle, const std::vector<Pulse>& pulses,
-                                            const std::vector<double>& polarization);
+std::optional<TesterFigures> tester_figures(const PundCycle& cycle, const PulseSequence& pulses);
 
 }  // namespace ferrobench::recordings

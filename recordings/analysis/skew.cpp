@@ -3,25 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "recordings/analysis/device_channels.h"
+
 namespace ferrobench::recordings {
 
 std::array<double, 5> skew_of(const nlohmann::json& device) {
-  constexpr int most_replays = 16;  // of replays
-  const auto* described = &device;
-  for (int i = 0; i < most_replays && described->is_object() && described->contains("recorded_with"); ++i)
-    described = &described->at("recorded_with");
-  std::array<double, 5> out{};
-  if (!described->is_object() || !described->contains("channels") || !described->at("channels").is_array())
-    return out;
-  for (const auto& c : described->at("channels")) {
-    if (!c.is_object() || !c.contains("channel") || !c.contains("skew_s") || !c["skew_s"].is_number())
-      continue;
-    const double skew = c["skew_s"].get<double>();
-    for (const auto channel : all_channels)
-      if (c["channel"] == channel_name(channel) && std::isfinite(skew) && skew > 0)
-        out[static_cast<std::size_t>(channel)] = skew;
-  }
-  return out;
+  return stated_by_channel(device, "skew_s");
 }
 
 bool remove_skew(Recording& recording) {

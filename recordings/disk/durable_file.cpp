@@ -68,6 +68,10 @@ Descriptor::~Descriptor() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
+Descriptor Descriptor::duplicate() const {
+  return Descriptor(fcntl(descriptor_, F_DUPFD_CLOEXEC, 0));
+}
+
 Descriptor open_file(const std::string& path, int flags) {
   return Descriptor(repeat_interrupted([&] { return open(path.c_str(), flags | O_CLOEXEC, 0666); }));
 }
@@ -149,6 +153,25 @@ int sync_data(const Descriptor& file) {
 
 void sync_folder_of(const std::string& path) {
   sync_path(folder_of(path), O_RDONLY | O_DIRECTORY);
+}
+
+void remove_durably(const std::string& path, const Descriptor& file) {
+  if (!is_at(path, file)) return;
+  if (unlink(path.c_str()) != 0 && errno != ENOENT) throw_write_failure(path, errno);
+  sync_folder_of(path);
+}
+
+BytesRead read_at(const Descriptor& file, std::uint64_t place, char* to, std::size_t count) {
+  BytesRead out;
+  while (out.count < count) {
+    const auto got = repeat_interrupted([&] {
+      return pread(file.get(), to + out.count, count - out.count, static_cast<off_t>(place + out.count));
+    });
+    if (got < 0) out.failure = errno;
+    if (got <= 0) break;
+    out.count += static_cast<std::size_t>(got);
+  }
+  return out;
 }
 
 void rename_durably(const std::string& from, const std::string& to) {

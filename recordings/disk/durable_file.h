@@ -2,6 +2,7 @@
 // writes go on, and whatever fails is Error(disk_full) or Error(io_error) with the file's path.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -23,6 +24,8 @@ class Descriptor {
   ~Descriptor();
   int get() const { return descriptor_; }
   explicit operator bool() const { return descriptor_ >= 0; }
+  // Another one for the same open file, and the same lock. Empty, with errno, if it cannot be had.
+  Descriptor duplicate() const;
 
  private:
   int descriptor_ = -1;
@@ -43,10 +46,17 @@ bool is_disk_full(const std::string& path, int error);
 [[noreturn]] void throw_write_failure(const std::string& path, int error);
 
 void write_all(const Descriptor& file, std::string_view bytes, const std::string& path);
+struct BytesRead {
+  std::size_t count = 0;  // fewer than asked for only where the file ends or reading failed
+  int failure = 0;        // 0 or the errno
+};
+BytesRead read_at(const Descriptor& file, std::uint64_t place, char* to, std::size_t count);
 int sync_data(const Descriptor& file);  // 0 or the errno
 // `from` gets the name `to`, replacing what had it, once all of it is on the disk; so is the name afterwards.
 void rename_durably(const std::string& from, const std::string& to);
 void sync_folder_of(const std::string& path);
+// Takes the name away, if it (still) leads to this file.
+void remove_durably(const std::string& path, const Descriptor& file);
 
 // One holder at a time, in this process or another, and none once it has died.
 bool try_lock(const Descriptor& file);   // open for writing

@@ -2,51 +2,31 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <utility>
 
 #include "base/error.h"
+#include "recordings/file/begun.h"
 #include "recordings/file/pack.h"
 #include "recordings/file/reader.h"
-#include "recordings/file/recover.h"
 #include "recordings/format/iso_time.h"
-#include "recordings/journal/reader.h"
 #include "recordings/journal/writer.h"
 
 namespace ferrobench::recordings {
 
 struct Writer::State {
-  State(std::string file, Existing what, Begin begin)
-      : path(std::move(file)), existing(what), journal(journal_path(path), std::move(begin)) {}
+  State(const std::string& path, Existing existing, const Begin& begin)
+      : recording(path, begin, existing),
+        journal(recording.journal(), journal_path(path), recording.begin()) {}
 
-  std::string path;
-  Existing existing;
+  BegunRecording recording;
   JournalWriter journal;
   double last_time = 0;
-
-  void pack_journal(const Ending& ending) {
-    const JournalReader written(journal.file(), journal_path(path));
-    if (written.rows() != journal.rows())
-      throw Error(ErrorCode::io_error, "the journal cannot be read back",
-                  Problem{.message = "has fewer rows than were written",
-                          .given = written.rows(),
-                          .allowed = journal.rows()});
-    auto events = written.events();
-    if (const auto loss = loss_of(ending, written.rows(), written.last_time())) events.push_back(*loss);
-    pack(written, ending, events, path, existing);
-  }
 };
 
 Writer::Writer(const std::string& path, const Header& header, std::span<const Channel> channels,
-               std::span<const RawColumn> raw, Existing existing) {
-  if (existing == Existing::replace) remove_journal(path);
-  state_ = std::make_unique<State>(
-      path, existing, Begin{header, {channels.begin(), channels.end()}, {raw.begin(), raw.end()}});
-  try {  // the journal holds the name from here on
-    demand_place(path, existing);
-  } catch (const Error&) {
-    state_->journal.remove();
-    throw;
-  }
-}
+               std::span<const RawColumn> raw, Existing existing)
+    : state_(std::make_unique<State>(
+          path, existing, Begin{header, {channels.begin(), channels.end()}, {raw.begin(), raw.end()}})) {}
 
 Writer::~Writer() {
   try {
@@ -92,8 +72,7 @@ std::chrono::steady_clock::duration Writer::waiting() const {
 }
 
 void Writer::discard() {
-  const auto state = std::move(state_);
-  state->journal.remove();
+  std::exchange(state_, nullptr)->recording.discard();
 }
 
 void Writer::finish(const std::string& status, const std::string& reason,
@@ -112,25 +91,7 @@ void Writer::finish(const std::string& status, const std::string& reason,
     state->journal.sync();
   } catch (const Error&) {  // a journal that cannot be closed can still be made a file of
   }
-  for (int attempt = 1; attempt <= 2; ++attempt) {
-    try {
-      state->pack_journal(ending);
-      break;
-    } catch (const Error& error) {
-      // A failure that came once may not come again.
-      if (attempt == 1 && error.code() != ErrorCode::disk_full) continue;
-      auto problems = error.problems();
-      if (state->journal.is_in_place())
-        problems.push_back({.message = "the samples are kept in the journal",
-                            .given = journal_path(state->path),
-                            .hint = "make room or mend the disk, then: ferrobench recover " + state->path});
-      throw Error(error.code(), error.message(), std::move(problems));
-    }
-  }
-  try {
-    state->journal.remove();
-  } catch (const Error&) {  // a journal beside a whole file is removed by the next recovery
-  }
+  state->recording.finish(ending, state->journal.rows());
 }
 
 void write_recording(const std::string& path, const Recording& recording, Existing existing) {

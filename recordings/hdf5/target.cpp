@@ -124,16 +124,9 @@ void Target::write(std::uint64_t place, const char* bytes, std::size_t count) {
 }
 
 void Target::read(std::uint64_t place, char* bytes, std::size_t count) {
-  while (count > 0) {
-    const auto got = pread(file_.descriptor().get(), bytes, count, static_cast<off_t>(place));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0 && failure_ == 0) failure_ = errno;
-    if (got <= 0) break;
-    bytes += got;
-    place += static_cast<std::uint64_t>(got);
-    count -= static_cast<std::size_t>(got);
-  }
-  std::fill_n(bytes, count, '\0');
+  const auto got = read_at(file_.descriptor(), place, bytes, count);
+  if (failure_ == 0) failure_ = got.failure;
+  std::fill_n(bytes + got.count, count - got.count, '\0');
 }
 
 void Target::cut(std::uint64_t size) {

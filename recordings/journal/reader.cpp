@@ -45,18 +45,11 @@ JournalReader::JournalReader(Descriptor file, std::string path)
 // As many bytes as there are.
 std::string JournalReader::bytes_at(std::uint64_t place, std::uint64_t count) const {
   std::string out(std::min(count, size_ - std::min(size_, place)), '\0');
-  std::size_t done = 0;
-  while (done < out.size()) {
-    const auto got =
-        pread(file_.get(), out.data() + done, out.size() - done, static_cast<off_t>(place + done));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0)
-      throw Error(ErrorCode::io_error, "the journal could not be read",
-                  Problem{.message = std::generic_category().message(errno), .given = path_});
-    if (got == 0) break;
-    done += static_cast<std::size_t>(got);
-  }
-  out.resize(done);
+  const auto got = read_at(file_, place, out.data(), out.size());
+  if (got.failure != 0)
+    throw Error(ErrorCode::io_error, "the journal could not be read",
+                Problem{.message = std::generic_category().message(got.failure), .given = path_});
+  out.resize(got.count);
   return out;
 }
 

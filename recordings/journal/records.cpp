@@ -31,12 +31,14 @@ std::uint32_t own_checksum(const HeadBytes& head) {
 
 }  // namespace
 
-std::string encode(RecordKind kind, std::uint64_t sequence, std::uint32_t rows, std::string_view payload) {
+std::string encode(RecordKind kind, std::uint64_t sequence, std::uint32_t rows, std::string_view payload,
+                   std::string storage) {
   HeadBytes head{
       magic, static_cast<std::uint32_t>(kind), sequence, payload.size(), rows, checksum(payload), 0, 0};
   head.head_checksum = own_checksum(head);
-  std::string out(reinterpret_cast<const char*>(&head), sizeof head);
-  return out.append(payload);
+  storage.assign(reinterpret_cast<const char*>(&head), sizeof head);
+  storage.append(payload);
+  return storage;
 }
 
 std::optional<RecordHead> decode_head(std::string_view bytes) {
@@ -55,17 +57,18 @@ bool fits(const RecordHead& head, std::string_view payload) {
   return payload.size() == head.bytes && checksum(payload) == head.checksum;
 }
 
-std::string rows_payload(const Begin& begin, const Rows& rows, std::size_t first, std::size_t count) {
-  std::string out;
-  out.reserve(count * begin.row_bytes());
+std::string rows_payload(const Begin& begin, const Rows& rows, std::size_t first, std::size_t count,
+                         std::string storage) {
+  storage.clear();
+  storage.reserve(count * begin.row_bytes());
   const auto add = [&](const auto* values, std::size_t width) {
-    out.append(reinterpret_cast<const char*>(values + first * width), count * width * sizeof *values);
+    storage.append(reinterpret_cast<const char*>(values + first * width), count * width * sizeof *values);
   };
   add(rows.time.data(), 1);
   for (const auto channel : begin.channels)
     add(rows.channels.at(static_cast<std::size_t>(channel)).data(), 1);
   if (!begin.raw.empty()) add(rows.counts.data(), begin.raw.size());
-  return out;
+  return storage;
 }
 
 void add_rows(const Begin& begin, const RecordHead& head, std::string_view payload, Columns& out) {

@@ -35,13 +35,16 @@ struct RecordHead {
 inline constexpr std::size_t head_bytes = 40;
 inline constexpr std::uint64_t most_payload = 1u << 28;
 
-std::string encode(RecordKind kind, std::uint64_t sequence, std::uint32_t rows, std::string_view payload);
+// Both of these write into `storage`, whose memory is used again.
+std::string encode(RecordKind kind, std::uint64_t sequence, std::uint32_t rows, std::string_view payload,
+                   std::string storage = {});
 // None if these are not the bytes of a head, whole and undamaged.
 std::optional<RecordHead> decode_head(std::string_view bytes);
 bool fits(const RecordHead& head, std::string_view payload);  // the checksum
 
 // Rows [first, first + count) as a payload; and back, added to `out`.
-std::string rows_payload(const Begin& begin, const Rows& rows, std::size_t first, std::size_t count);
+std::string rows_payload(const Begin& begin, const Rows& rows, std::size_t first, std::size_t count,
+                         std::string storage = {});
 void add_rows(const Begin& begin, const RecordHead& head, std::string_view payload, Columns& out);
 
 }  // namespace ferrobench::recordings

@@ -1,6 +1,7 @@
 #include "recordings/journal/writer.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -39,6 +40,20 @@ JournalWriter::JournalWriter(const std::string& path, Begin begin)
     throw;
   }
   synced_ = written_;
+  begin_syncing();
+}
+
+JournalWriter::JournalWriter(Descriptor begun, const std::string& path, Begin layout)
+    : path_(path), begin_(std::move(layout)), file_(std::move(begun)), sequence_(1) {
+  struct stat info {};
+  if (fstat(file_.get(), &info) != 0) throw_write_failure(path_, errno);
+  written_ = synced_ = static_cast<std::uint64_t>(info.st_size);
+  begin_syncing();
+}
+
+void JournalWriter::begin_syncing() {
+  payload_.reserve(most_rows * begin_.row_bytes());
+  record_.reserve(head_bytes + most_rows * begin_.row_bytes());
   syncer_ = std::thread([this] { keep_synced(); });
 }
 
@@ -58,9 +73,9 @@ void JournalWriter::throw_if_failed() const {
 
 void JournalWriter::add(RecordKind kind, std::uint32_t rows, std::string_view payload) {
   if (torn_) throw_write_failure(path_, EIO);
-  const auto record = encode(kind, sequence_, rows, payload);
+  record_ = encode(kind, sequence_, rows, payload, std::move(record_));
   try {
-    write_all(file_, record, path_);
+    write_all(file_, record_, path_);
   } catch (const Error&) {
     torn_ = ftruncate(file_.get(), static_cast<off_t>(written_)) != 0;
     throw;
@@ -70,7 +85,7 @@ void JournalWriter::add(RecordKind kind, std::uint32_t rows, std::string_view pa
   {
     const std::scoped_lock lock(mutex_);
     if (synced_ == written_) oldest_ = std::chrono::steady_clock::now();
-    written_ += record.size();
+    written_ += record_.size();
     rows_written_ = rows_;
   }
   changed_.notify_all();
@@ -80,7 +95,8 @@ void JournalWriter::append(const Rows& rows) {
   throw_if_failed();
   for (std::size_t done = 0; done < rows.time.size();) {
     const auto count = std::min(most_rows, rows.time.size() - done);
-    add(RecordKind::rows, static_cast<std::uint32_t>(count), rows_payload(begin_, rows, done, count));
+    payload_ = rows_payload(begin_, rows, done, count, std::move(payload_));
+    add(RecordKind::rows, static_cast<std::uint32_t>(count), payload_);
     done += count;
   }
 }
@@ -129,9 +145,7 @@ void JournalWriter::sync() {
 }
 
 void JournalWriter::remove() {
-  if (!is_at(path_, file_)) return;
-  if (unlink(path_.c_str()) != 0 && errno != ENOENT) throw_write_failure(path_, errno);
-  sync_folder_of(path_);
+  remove_durably(path_, file_);
 }
 
 std::uint64_t JournalWriter::rows_on_disk() const {
@@ -145,7 +159,7 @@ bool JournalWriter::is_in_place() const {
 }
 
 Descriptor JournalWriter::file() const {
-  Descriptor out(fcntl(file_.get(), F_DUPFD_CLOEXEC, 0));
+  auto out = file_.duplicate();
   if (!out) throw_write_failure(path_, errno);
   return out;
 }

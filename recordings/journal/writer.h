@@ -24,10 +24,14 @@ class JournalWriter {
  public:
   // Makes a new file, locked for as long as this lives: by the lock others know that the run goes on.
   JournalWriter(const std::string& path, Begin begin);
+  // Goes on with one that has its first record and nothing else, which whoever made it has locked. Only the
+  // columns of `layout` are looked at.
+  JournalWriter(Descriptor begun, const std::string& path, Begin layout);
   ~JournalWriter();
   JournalWriter(const JournalWriter&) = delete;
   JournalWriter& operator=(const JournalWriter&) = delete;
 
+  // Appending rows asks for no memory.
   void append(const Rows& rows);
   void append(const Event& event);
   void append(const Ending& ending);
@@ -44,6 +48,7 @@ class JournalWriter {
   std::chrono::steady_clock::duration waiting() const;
 
  private:
+  void begin_syncing();
   void add(RecordKind kind, std::uint32_t rows, std::string_view payload);
   void keep_synced();
   void throw_if_failed() const;
@@ -53,6 +58,7 @@ class JournalWriter {
   Descriptor file_;
   std::uint64_t sequence_ = 0, rows_ = 0;
   bool torn_ = false;  // ends with a part of a record that could not be cut off
+  std::string payload_, record_;
 
   mutable std::mutex mutex_;  // over what follows
   std::condition_variable changed_;

@@ -29,6 +29,12 @@ class Child {
   pid_t child_ = 0;
 };
 
+// This program once more, as a process that lives on when this one ends: in a session of its own, with
+// `socket` (above 2) as its standard input and this program's standard error; it has no other descriptor.
+// `priority`: of SCHED_RR, which it has from its first instruction on where the system allows it. Throws
+// std::system_error.
+pid_t start_apart(const std::string& name, int socket, int priority);
+
 // In the child, first of all. It ends when the thread that started it does.
 void be_a_child();
 // A limit that it sets itself, as for setrlimit(2).

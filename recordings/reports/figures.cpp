@@ -59,7 +59,7 @@ Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, s
   Series out{.label = (hold.label.empty() ? "hold " + std::to_string(number) : hold.label) + ": " +
                       number_text(hold.level / volts_per_m_in_kv_per_mm) + " kV/mm",
              .points = {}};
-  const double start = edge_value(r, signal, hold.first, hold.last - hold.first + 1, false);
+  const double start = edge_reading(r, signal, hold.first, hold.last - hold.first + 1, false).value;
   std::vector<double> times, values;
   double bin = NAN;
   const auto close = [&] {

@@ -58,11 +58,13 @@ std::optional<Table> pulse_table(const Analysis& analysis) {
                 "change of a switching pulse less that of the next, which does not switch."}};
   for (std::size_t i = 0; i < pulses->list.size(); ++i) {
     const auto& pulse = pulses->list[i];
-    const auto change = [&](std::size_t at) { return cell(p[at] - p[pulse.start]); };
+    const auto change = [&](std::size_t at) {
+      return Entry(p.estimate(p.reading(at) - p.reading(pulse.start)), 1);
+    };
     const auto* kind = i == 0 ? "first" : pulse.up != pulses->list[i - 1].up ? "switching" : "not switching";
-    table.rows.push_back({static_cast<std::int64_t>(i + 1), r.time[pulse.start],
-                          in_kv_per_mm(r.at(Channel::field)[pulse.peak]), std::string(kind),
-                          change(pulse.peak), change(pulse.end)});
+    table.add({static_cast<std::int64_t>(i + 1), r.time[pulse.start],
+               in_kv_per_mm(r.at(Channel::field)[pulse.peak]), std::string(kind), change(pulse.peak),
+               change(pulse.end)});
     mark_clipped(table, analysis.clipping(), {"field_kV_per_mm", "at_peak_C_per_m2", "left_C_per_m2"},
                  pulse_channels, pulse.start, pulse.end);
   }
@@ -92,8 +94,8 @@ std::optional<Table> pund_table(const Analysis& analysis) {
           "the mean of P - U and |N| - |D|; not switched: the mean of U and |D|."}};
   const auto cycles = pund_cycles(pulses->list);
   for (std::size_t i = 0; i < cycles.size(); ++i) {
-    const auto at_peak = charges_of(cycles[i], pulses->list, pulses->polarization, &Pulse::peak);
-    const auto left = charges_of(cycles[i], pulses->list, pulses->polarization, &Pulse::end);
+    const auto at_peak = charges_of(cycles[i], *pulses, &Pulse::peak);
+    const auto left = charges_of(cycles[i], *pulses, &Pulse::end);
     std::size_t first = r.size(), last = 0;
     double largest = 0;
     for (const auto& k : cycles[i]) {
@@ -102,10 +104,14 @@ std::optional<Table> pund_table(const Analysis& analysis) {
       last = std::max(last, pulses->list[*k].end);
       largest = std::max(largest, std::abs(r.at(Channel::field)[pulses->list[*k].peak]));
     }
-    std::vector<Cell> row{static_cast<std::int64_t>(i + 1), r.time[first], in_kv_per_mm(largest)};
-    for (const auto& change : at_peak.change) row.push_back(cell(change));
-    row.insert(row.end(), {cell(at_peak.switched()), cell(at_peak.non_switched()), cell(left.switched())});
-    table.rows.push_back(std::move(row));
+    const auto charge = [&](const std::optional<Reading>& reading) {
+      return Entry(reading ? std::optional(pulses->polarization.estimate(*reading)) : std::nullopt, 1);
+    };
+    std::vector<Entry> row{static_cast<std::int64_t>(i + 1), r.time[first], in_kv_per_mm(largest)};
+    for (const auto& change : at_peak.change) row.push_back(charge(change));
+    for (const auto& sum : {at_peak.switched(), at_peak.non_switched(), left.switched()})
+      row.push_back(charge(sum));
+    table.add(row);
     std::vector<std::string> keys;
     for (const auto& column : std::span(table.columns).subspan(2)) keys.push_back(column.key);
     mark_clipped(table, analysis.clipping(), keys, pulse_channels, first, last);
@@ -119,7 +125,7 @@ std::optional<Table> pund_tester_table(const Analysis& analysis) {
   if (!pulses) return std::nullopt;
   const auto cycles = pund_cycles(pulses->list);
   if (cycles.size() != 1) return std::nullopt;
-  const auto ours = tester_figures(cycles.front(), pulses->list, pulses->polarization);
+  const auto ours = tester_figures(cycles.front(), *pulses);
   if (!ours) return std::nullopt;
   Table table{
       .key = "pund_tester",
@@ -133,9 +139,12 @@ std::optional<Table> pund_tester_table(const Analysis& analysis) {
       .notes = {"Polarization counts from the middle of its values at the largest fields of N and P. Unlike "
                 "the table above, switched and not switched count from Prrel, where the tester's next pulse "
                 "begins."}};
-  const auto add = [&](const std::string& name, const std::string& definition, double value) {
+  const auto add = [&](const std::string& name, const std::string& definition, const Reading& reading) {
     const auto theirs = stated(r, name);
-    if (theirs) table.rows.push_back({name, definition, value, *theirs, cell(100 * (value / *theirs - 1))});
+    const auto value = pulses->polarization.estimate(reading);
+    if (theirs)
+      table.add({name, definition, Entry(value, 1), *theirs,
+                 Entry(Estimate{value.value - *theirs, value.noise, value.calibration}, *theirs / 100)});
     return theirs;
   };
   auto p_max = add("Pmax", "at the largest field", ours->p_max);

@@ -1,7 +1,10 @@
 #include "recordings/reports/table.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <functional>
 
 #include "base/error.h"
 #include "base/number_text.h"
@@ -23,7 +26,25 @@ std::string shown(const Cell& cell) {
 }
 
 std::string shown(const Table& table, std::size_t row, std::size_t column) {
-  return shown(table.rows[row][column]) + (table.clipped.contains({row, column}) ? " !" : "");
+  const auto known = table.uncertainty.find({row, column});
+  const auto* number = std::get_if<double>(&table.rows[row][column]);
+  const auto text = known != table.uncertainty.end() && number != nullptr
+                        ? with_uncertainty(*number, known->second)
+                        : shown(table.rows[row][column]);
+  return text + (table.clipped.contains({row, column}) ? " !" : "");
+}
+
+std::string uncertainty_key(const Column& column) {
+  return column.key + "_uncertainty";
+}
+
+bool has_uncertainty(const Table& table, std::size_t column) {
+  return std::ranges::any_of(table.uncertainty, [column](const auto& u) { return u.first.second == column; });
+}
+
+std::optional<double> uncertainty_of(const Table& table, std::size_t row, std::size_t column) {
+  const auto found = table.uncertainty.find({row, column});
+  return found == table.uncertainty.end() ? std::nullopt : std::optional(found->second);
 }
 
 std::vector<std::string> clipped_keys(const Table& table, std::size_t row) {
@@ -36,6 +57,10 @@ std::vector<std::string> clipped_keys(const Table& table, std::size_t row) {
 // What the table says below itself.
 std::vector<std::string> all_notes(const Table& table) {
   auto out = table.notes;
+  if (!table.uncertainty.empty())
+    out.emplace_back(
+        "In parentheses: the standard uncertainty in the last digits, from noise and local fits and, where "
+        "the device states it, calibration; two times that covers the true value in 95 % (k = 2).");
   if (table.clipped.empty()) return out;
   std::string where;
   for (const auto& text : table.cut_off) where += (where.empty() ? "" : "; ") + text;
@@ -128,6 +153,49 @@ Format format_from_name(const std::string& name) {
                       .allowed = {"text", "md", "csv", "json", "html"}});
 }
 
+Entry::Entry(Cell c) : cell(std::move(c)) {}
+Entry::Entry(double value) : cell(value) {}
+Entry::Entry(std::int64_t value) : cell(value) {}
+Entry::Entry(std::string text) : cell(std::move(text)) {}
+
+Entry::Entry(const std::optional<Estimate>& estimate, double unit) {
+  if (!estimate) return;
+  cell = recordings::cell(estimate->value / unit);
+  uncertainty = estimate->uncertainty() / unit;
+}
+
+void Table::add(const std::vector<Entry>& row) {
+  auto& cells = rows.emplace_back();
+  for (const auto& entry : row) {
+    if (std::holds_alternative<double>(entry.cell) && entry.uncertainty > 0 &&
+        std::isfinite(entry.uncertainty))
+      uncertainty[{rows.size() - 1, cells.size()}] = entry.uncertainty;
+    cells.push_back(entry.cell);
+  }
+}
+
+std::string with_uncertainty(double value, double uncertainty) {
+  if (!(uncertainty > 0) || !std::isfinite(uncertainty) || !std::isfinite(value)) return number_text(value);
+  // The last digit stands for 10^place.
+  int place = static_cast<int>(std::floor(std::log10(uncertainty)));
+  if (uncertainty < 2.95 * std::pow(10, place)) --place;  // 2.95 is 3 in one digit
+  // Beyond the digits of numbers without one, the power of ten follows: 1.234(5)e-06.
+  const double size = std::max(std::abs(value), uncertainty), unit = std::pow(10, place);
+  const int power = size >= 1e5 || size < 1e-3 ? static_cast<int>(std::floor(std::log10(size))) : 0;
+  const auto rounded = [unit](double x) { return std::round(x / unit) * unit; };
+  std::array<char, 400> text{};
+  if (power == 0 && place >= 0) {  // 1230(50), not 123(5) tens
+    (void)std::snprintf(text.data(), text.size(), "%.0f(%.0f)", rounded(value), rounded(uncertainty));
+    return text.data();
+  }
+  (void)std::snprintf(text.data(), text.size(), "%.*f(%.0f)", power - place, value / std::pow(10, power),
+                      uncertainty / unit);
+  std::string out = text.data();
+  if (power == 0) return out;
+  (void)std::snprintf(text.data(), text.size(), "e%+03d", power);
+  return out + text.data();
+}
+
 Cell cell(std::optional<double> value) {
   if (!value || !std::isfinite(*value)) return std::monostate{};
   return *value;
@@ -166,7 +234,10 @@ std::string to_markdown(const Table& table) {
 
 std::string to_csv(const Table& table) {
   std::string out;
-  for (std::size_t i = 0; i < table.columns.size(); ++i) out += (i > 0 ? "," : "") + table.columns[i].key;
+  for (std::size_t i = 0; i < table.columns.size(); ++i) {
+    out += (i > 0 ? "," : "") + table.columns[i].key;
+    if (has_uncertainty(table, i)) out += "," + uncertainty_key(table.columns[i]);
+  }
   if (!table.clipped.empty()) out += ",clipped";
   out += '\n';
   for (std::size_t k = 0; k < table.rows.size(); ++k) {
@@ -174,6 +245,9 @@ std::string to_csv(const Table& table) {
     for (std::size_t i = 0; i < row.size(); ++i) {
       if (i > 0) out += ',';
       out += is_text(row[i]) ? escape_csv(std::get<std::string>(row[i])) : in_full(row[i]);
+      if (!has_uncertainty(table, i)) continue;
+      const auto u = uncertainty_of(table, k, i);
+      out += u ? "," + number_in_full(*u) : ",";
     }
     if (!table.clipped.empty()) out += ',';
     const auto keys = clipped_keys(table, k);
@@ -198,11 +272,19 @@ nlohmann::json to_json(const Table& table) {
             }
           },
           row[i]);
+    for (std::size_t i = 0; i < table.columns.size(); ++i) {
+      if (!has_uncertainty(table, i)) continue;
+      const auto u = uncertainty_of(table, rows.size(), i);
+      object[uncertainty_key(table.columns[i])] = u ? nlohmann::json(*u) : nlohmann::json();
+    }
     rows.push_back(std::move(object));
   }
   auto columns = nlohmann::json::array();
-  for (const auto& column : table.columns)
+  for (std::size_t i = 0; i < table.columns.size(); ++i) {
+    const auto& column = table.columns[i];
     columns.push_back({{"key", column.key}, {"title", column.title}, {"unit", shown_unit(column.unit)}});
+    if (has_uncertainty(table, i)) columns.back()["uncertainty"] = uncertainty_key(column);
+  }
   return {{"title", table.title},
           {"columns", std::move(columns)},
           {"rows", std::move(rows)},
@@ -210,8 +292,10 @@ nlohmann::json to_json(const Table& table) {
 }
 
 std::string to_html(const Table& table) {
-  std::string out = "<section id=\"" + escape_html(table.key) + "\">\n<h2>" + escape_html(table.title) +
-                    "</h2>\n<div class=\"wide\"><table>\n<thead><tr>";
+  std::string out =
+      "<section id=\"" + escape_html(table.key) + "\">\n<h2>" + escape_html(table.title) +
+      "</h2>\n<div class=\"wide\" role=\"region\" tabindex=\"0\" aria-label=\"" +  // scrolled by keys, too
+      escape_html(table.title) + "\"><table>\n<thead><tr>";
   for (const auto& column : table.columns) {
     out += "<th>" + escape_html(column.title);
     if (!column.unit.empty()) out += "<br><small>[" + escape_html(shown_unit(column.unit)) + "]</small>";

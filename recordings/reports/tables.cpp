@@ -15,14 +15,21 @@ namespace {
 
 constexpr double cubic_metre_in_um = metre_in_um * volts_per_m_in_kv_per_mm;  // m V/m in one um kV/mm
 
-Cell in(double unit, std::optional<double> value) {
-  return cell(value ? std::optional(*value / unit) : std::nullopt);
+Entry in_um(const std::optional<Estimate>& value) {
+  return {value, metre_in_um};
 }
-Cell in_um(std::optional<double> value) {
-  return in(metre_in_um, value);
+Entry in_kv_per_mm(const std::optional<Estimate>& value) {
+  return {value, volts_per_m_in_kv_per_mm};
 }
-Cell in_kv_per_mm(std::optional<double> value) {
-  return in(volts_per_m_in_kv_per_mm, value);
+Entry in_si(const std::optional<Estimate>& value) {
+  return {value, 1};
+}
+// Without an uncertainty.
+Cell value_alone(const std::optional<Estimate>& estimate, double unit) {
+  return estimate ? cell(estimate->value / unit) : Cell{};
+}
+Cell in_kv_per_mm(double value) {
+  return cell(value / volts_per_m_in_kv_per_mm);
 }
 Cell whole(std::size_t value) {
   return static_cast<std::int64_t>(value);
@@ -35,8 +42,8 @@ bool has_program(const Recording& r) {
 void note_smoothing(const LoopMeter& meter, Table& table) {
   if (meter.smoothed_any())
     table.notes.emplace_back(
-        "Noisy channels are measured on local parabolas over a twentieth of each leg, which do not cross "
-        "turning points.");
+        "Noisy channels are measured on local parabolas, as wide as the curve allows and a twentieth of each "
+        "leg at the most, which do not cross turning points.");
 }
 
 using Keys = std::vector<std::string>;
@@ -44,6 +51,29 @@ constexpr std::array field_alone{Channel::field}, displacement_alone{Channel::di
     force_alone{Channel::force};
 constexpr std::array displacement_loop{Channel::displacement, Channel::field},
     charge_loop{Channel::charge, Channel::field};
+
+// Of estimates that have their noise each for itself and their calibration together. It is none if one of
+// them is none, and without an uncertainty if one of them is: that one's share would be missing.
+class Mean {
+ public:
+  void take(const std::optional<Estimate>& one) {
+    const auto given = one.value_or(Estimate{NAN});
+    sum_.value += given.value;
+    sum_.noise = std::hypot(sum_.noise, given.noise);
+    sum_.calibration += given.calibration;
+    stated_ = stated_ && given.uncertainty() > 0;
+    ++count_;
+  }
+  Estimate done() const {
+    if (!stated_) return {sum_.value / count_};
+    return {sum_.value / count_, sum_.noise / count_, sum_.calibration / count_};
+  }
+
+ private:
+  Estimate sum_;
+  double count_ = 0;
+  bool stated_ = true;
+};
 
 Column rate_column() {
   return {"rate_kV_per_mm_s", "rate", "kV/mm/s"};
@@ -67,12 +97,11 @@ std::optional<Table> stroke_table(const Analysis& analysis) {
               .rows = {},
               .notes = {"Stroke: largest minus smallest displacement."}};
   const auto& meter = analysis.meter();
-  const auto add = [&](Cell name, const Cycle& cycle, std::optional<double> stroke,
-                       std::optional<double> force_span) {
-    const auto strain = stroke ? std::optional(*stroke / r.header.specimen.length * 100) : std::nullopt;
-    table.rows.push_back({std::move(name), r.time[cycle.first], in_kv_per_mm(cycle.low),
-                          in_kv_per_mm(cycle.high), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
-                          in_um(stroke), cell(strain), cell(force_span)});
+  const auto add = [&](Cell name, const Cycle& cycle, const std::optional<Estimate>& stroke,
+                       const std::optional<Estimate>& force_span) {
+    table.add({std::move(name), r.time[cycle.first], in_kv_per_mm(cycle.low), in_kv_per_mm(cycle.high),
+               cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{}, in_um(stroke),
+               Entry(stroke, r.header.specimen.length / 100), in_si(force_span)});
     const auto mark = [&](const Keys& keys, std::span<const Channel> channels) {
       mark_clipped(table, analysis.clipping(), keys, channels, cycle.first, cycle.last);
     };
@@ -85,9 +114,17 @@ std::optional<Table> stroke_table(const Analysis& analysis) {
   for (std::size_t i = 0; i < cycles.size(); ++i)
     add(std::to_string(i + 1), cycles[i], measures[i].stroke, measures[i].force_span);
   const auto last = r.size() - 1;
+  auto stroke = meter.stroke(0, last), force_span = meter.force_span(0, last);
+  if (cycles.size() > 1) {
+    for (auto* of_several : {&stroke, &force_span})
+      if (*of_several) *of_several = Estimate{(*of_several)->value};
+    if (meter.smoothed_any())
+      table.notes.emplace_back(
+          "Overall figures have no uncertainty: of several cycles, noise has a part in which is the "
+          "largest.");
+  }
   if (const auto range = extremes(field_of(r)))
-    add("overall", {0, last, range->low, range->high, 0, {}}, meter.stroke(0, last),
-        meter.force_span(0, last));
+    add("overall", {0, last, range->low, range->high, 0, {}}, stroke, force_span);
   note_smoothing(meter, table);
   return table;
 }
@@ -118,11 +155,11 @@ std::optional<Table> hysteresis_table(const Analysis& analysis) {
   for (std::size_t i = 0; i < cycles.size(); ++i) {
     const auto& cycle = cycles[i];
     const auto& m = analysis.measures()[i];
-    const auto share = m.width ? std::optional(*m.width / (cycle.high - cycle.low) * 100) : std::nullopt;
-    table.rows.push_back({whole(i + 1), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
-                          in(cubic_metre_in_um, m.displacement_area), in_kv_per_mm(m.width), cell(share),
-                          in_kv_per_mm(m.coercive_negative), in_kv_per_mm(m.coercive_positive),
-                          cell(m.remanent_falling), cell(m.remanent_rising), cell(m.energy)});
+    table.add({whole(i + 1), cycle.rate > 0 ? in_kv_per_mm(cycle.rate) : Cell{},
+               Entry(m.displacement_area, cubic_metre_in_um), in_kv_per_mm(m.width),
+               Entry(m.width, (cycle.high - cycle.low) / 100), in_kv_per_mm(m.coercive_negative),
+               in_kv_per_mm(m.coercive_positive), in_si(m.remanent_falling), in_si(m.remanent_rising),
+               in_si(m.energy)});
     mark_clipped(table, analysis.clipping(),
                  {"displacement_area_um_kV_per_mm", "width_kV_per_mm", "width_percent"}, displacement_loop,
                  cycle.first, cycle.last);
@@ -181,25 +218,27 @@ std::optional<Table> creep_table(const Recording& r) {
   }
   bool exact = true;
   for (std::size_t i = 0; i < holds.size(); ++i) {
-    std::vector<Cell> row{whole(i + 1), holds[i].label, in_kv_per_mm(holds[i].level), holds[i].duration};
+    std::vector<Entry> row{whole(i + 1), holds[i].label, in_kv_per_mm(holds[i].level), holds[i].duration};
     for (const auto& [channel, unit] : signals) {
       const auto creep = measure_creep(r, channel, holds[i]);
       exact = exact && channel.exact;
-      row.push_back(in(unit, creep.change));
-      row.push_back(in(unit, creep.range));
-      row.emplace_back(std::string(creep.change > 0 ? "+" : creep.change < 0 ? "-" : "0"));
-      row.push_back(in(unit, creep.per_decade));
-      row.push_back(cell(creep.time_to_half));
+      const double change = creep.change.value;
+      row.emplace_back(creep.change, unit);
+      row.emplace_back(cell(creep.range / unit));
+      row.emplace_back(std::string(change > 0 ? "+" : change < 0 ? "-" : "0"));
+      row.emplace_back(creep.per_decade, unit);
+      row.emplace_back(cell(creep.time_to_half));
     }
-    table.rows.push_back(std::move(row));
+    table.add(row);
     for (const auto& [channel, keys] : made_of)
       mark_clipped(table, clipping, keys, std::span(&channel, 1), holds[i].first, holds[i].last);
   }
   if (!exact)
     table.notes.emplace_back(
-        "Noisy channels: start and end come from a line through the first and last hundredth of the hold (5 "
-        "samples at "
-        "least), range and half time from means over tenths of a decade of time.");
+        "Noisy channels: start and end come from a line through the first and last samples, a hundredth of "
+        "the "
+        "hold (5 samples at least) at the most, range and half time from means over tenths of a decade of "
+        "time.");
   return table;
 }
 
@@ -229,18 +268,17 @@ std::optional<Table> rate_table(const Analysis& analysis) {
               .notes = {"Rates within 1 % of each other count as one."}};
   for (std::size_t first = 0; first < cycles.size();) {
     std::size_t next = first;
-    double stroke = 0, area = 0, energy = 0;
+    Mean stroke, area, energy;
     do {
       const auto& m = cycles[next].loop;
-      stroke += m.stroke.value_or(NAN);
-      area += m.displacement_area.value_or(NAN);
-      energy += m.energy.value_or(NAN);
+      stroke.take(m.stroke);
+      area.take(m.displacement_area);
+      energy.take(m.energy);
       ++next;
     } while (next < cycles.size() && cycles[next].rate <= 1.01 * cycles[first].rate);
-    const auto count = static_cast<double>(next - first);
-    table.rows.push_back({in_kv_per_mm(cycles[first].rate),
-                          cycles[first].rate * r.header.specimen.layer_thickness, whole(next - first),
-                          in_um(stroke / count), in(cubic_metre_in_um, area / count), cell(energy / count)});
+    table.add({in_kv_per_mm(cycles[first].rate), cycles[first].rate * r.header.specimen.layer_thickness,
+               whole(next - first), in_um(stroke.done()), Entry(area.done(), cubic_metre_in_um),
+               in_si(energy.done())});
     for (; first < next; ++first) {
       const auto& cycle = analysis.cycles()[cycles[first].cycle];
       const auto mark = [&](const Keys& keys, std::span<const Channel> channels) {
@@ -272,7 +310,7 @@ std::optional<Table> minor_loop_table(const Analysis& analysis) {
               .rows = {},
               .notes = {"Stroke and area of the closed part: from the nearer of the two neighbouring turning "
                         "points to this "
-                        "one and back to the same field."}};
+                        "one and back to the same field. They have no uncertainty: noise moves that field."}};
   const auto& meter = analysis.meter();
   const auto& field = field_of(r);
   for (std::size_t k = 1; k + 1 < turns.size(); ++k) {
@@ -285,9 +323,9 @@ std::optional<Table> minor_loop_table(const Analysis& analysis) {
     std::size_t first = before.leave, last = after.arrive;
     while (first < here.arrive && outside(first)) ++first;
     while (last > here.leave && outside(last)) --last;
-    table.rows.push_back({whole(k), r.time[here.arrive], in_kv_per_mm(before.level), in_kv_per_mm(here.level),
-                          in_kv_per_mm(after.level), in_um(meter.stroke(first, last)),
-                          in(cubic_metre_in_um, meter.displacement_area(first, last))});
+    table.add({whole(k), r.time[here.arrive], in_kv_per_mm(before.level), in_kv_per_mm(here.level),
+               in_kv_per_mm(after.level), value_alone(meter.stroke(first, last), metre_in_um),
+               value_alone(meter.displacement_area(first, last), cubic_metre_in_um)});
     mark_clipped(table, analysis.clipping(), {"stroke_um"}, displacement_alone, first, last);
     mark_clipped(table, analysis.clipping(), {"displacement_area_um_kV_per_mm"}, displacement_loop, first,
                  last);

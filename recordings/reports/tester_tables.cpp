@@ -58,8 +58,8 @@ std::optional<Table> leakage_table(const Recording& r) {
   for (const auto i : leakage_samples(r, field)) {
     const double density = (*current)[i] / (s.area * static_cast<double>(s.layer_count));
     const double resistivity = field[i] / density;
-    table.rows.push_back({r.time[i], cell(field[i] / volts_per_m_in_kv_per_mm), cell((*current)[i]),
-                          cell(density), resistivity > 0 ? cell(resistivity) : Cell{}});
+    table.add({r.time[i], cell(field[i] / volts_per_m_in_kv_per_mm), cell((*current)[i]), cell(density),
+               resistivity > 0 ? cell(resistivity) : Cell{}});
     mark_clipped(table, clipping, {"field_kV_per_mm", "resistivity_Ohm_m"}, std::array{Channel::field}, i, i);
   }
   return table;
@@ -81,9 +81,9 @@ std::optional<Table> fatigue_table(const Recording& r) {
     table.columns.push_back({column.as.name, column.as.long_name, column.as.unit});
   }
   for (std::size_t i = 0; i < std::min(r.size(), most_rows); ++i) {
-    std::vector<Cell> row{cell((*cycles)[i])};
-    for (const auto* column : shown) row.push_back(cell(column->values[i]));
-    table.rows.push_back(std::move(row));
+    std::vector<Entry> row{cell((*cycles)[i])};
+    for (const auto* column : shown) row.emplace_back(cell(column->values[i]));
+    table.add(row);
   }
   return table;
 }

@@ -28,14 +28,16 @@ std::optional<double> key_of(const PublishedTable& table, const PublishedCell& c
 }
 
 struct Measured {
-  double value;
+  Estimate estimate;
   std::string cut_off;
 };
 
 // A value made of the samples first..last of a channel.
-Measured measured_in(const Recording& r, Channel channel, double value, std::size_t first, std::size_t last) {
+Measured measured_in(const Recording& r, Channel channel, Estimate value, double unit, std::size_t first,
+                     std::size_t last) {
   const Clipping clipping(r);
-  return {value, clipping.any(std::span(&channel, 1), first, last) ? std::string(channel_name(channel)) : ""};
+  return {{value.value / unit, value.noise / unit, value.calibration / unit},
+          clipping.any(std::span(&channel, 1), first, last) ? std::string(channel_name(channel)) : ""};
 }
 
 // The longest hold at the field.
@@ -55,8 +57,9 @@ std::optional<Measured> creep_of(const TableQuantity& quantity, std::optional<do
   if (!r.has(channel)) return std::nullopt;
   const auto found = hold_at(r, field);
   if (!found) return std::nullopt;
-  const double change = measure_creep(r, of_charge ? polarization(r) : signal(r, channel), *found).change;
-  return measured_in(r, channel, std::abs(change) / quantity.si, found->first, found->last);
+  auto change = measure_creep(r, of_charge ? polarization(r) : signal(r, channel), *found).change;
+  change.value = std::abs(change.value);
+  return measured_in(r, channel, change, quantity.si, found->first, found->last);
 }
 
 std::optional<Measured> stroke_of(const TableQuantity& quantity, std::optional<double> rate,
@@ -64,12 +67,16 @@ std::optional<Measured> stroke_of(const TableQuantity& quantity, std::optional<d
   if (!r.has(Channel::displacement)) return std::nullopt;
   const Analysis analysis(r);
   std::optional<Measured> largest;
+  std::size_t cycles = 0;
   for (const auto& cycle : analysis.cycles()) {
     if (rate && !near(cycle.rate * r.header.specimen.layer_thickness, *rate)) continue;
     const auto stroke = analysis.meter().stroke(cycle.first, cycle.last);
-    if (stroke && (!largest || *stroke / quantity.si > largest->value))
-      largest = measured_in(r, Channel::displacement, *stroke / quantity.si, cycle.first, cycle.last);
+    if (stroke) ++cycles;
+    if (stroke && (!largest || stroke->value / quantity.si > largest->estimate.value))
+      largest = measured_in(r, Channel::displacement, *stroke, quantity.si, cycle.first, cycle.last);
   }
+  // Of several, noise has a part in which is the largest.
+  if (cycles > 1) largest->estimate = {largest->estimate.value};
   return largest;
 }
 
@@ -99,7 +106,8 @@ Comparison compare(const PublishedTable& table, std::span<const Recording> recor
     out.cells.push_back({cell, std::nullopt});
     for (const auto& recording : recordings)
       if (auto found = measure(table, cell, recording)) {
-        out.cells.back().measured = found->value;
+        out.cells.back().measured = found->estimate.value;
+        out.cells.back().uncertainty = found->estimate.uncertainty();
         out.cells.back().cut_off = std::move(found->cut_off);
         break;
       }
@@ -120,7 +128,10 @@ Comparison compare(const PublishedTable& table, std::span<const Recording> recor
       for (double& error : list) error -= mean;
       out.scale[quantity] = std::exp(-mean);
       for (auto& cell : out.cells)
-        if (cell.measured && cell.published.quantity == quantity) *cell.measured *= out.scale[quantity];
+        if (cell.measured && cell.published.quantity == quantity) {
+          *cell.measured *= out.scale[quantity];
+          cell.uncertainty *= out.scale[quantity];
+        }
     }
     double squares = 0;
     for (const double error : list) squares += error * error;
@@ -135,12 +146,14 @@ nlohmann::json to_json(const Comparison& comparison) {
     nlohmann::json item{{"quantity", cell.published.quantity},
                         {"published", cell.published.published},
                         {"measured", nullptr},
+                        {"measured_uncertainty", nullptr},
                         {"error", nullptr},
                         {"doubtful", cell.published.doubtful},
                         {"clipped", !cell.cut_off.empty()}};
     for (const auto& [key, value] : cell.published.keys) item[key] = value;
     if (cell.measured) {
       item["measured"] = *cell.measured;
+      if (cell.uncertainty > 0 && cell.cut_off.empty()) item["measured_uncertainty"] = cell.uncertainty;
       item["error"] = *cell.measured / cell.published.published - 1;
     }
     cells.push_back(std::move(item));
@@ -167,14 +180,16 @@ Table as_table(const Comparison& comparison) {
                                              {"error_percent", "error", "%"},
                                              {"doubtful", "print doubtful", ""}});
   for (const auto& cell : comparison.cells) {
-    std::vector<Cell> row{cell.published.quantity};
+    std::vector<Entry> row{cell.published.quantity};
     for (const auto& [key, value] : cell.published.keys) row.emplace_back(value);
-    const auto error =
-        cell.measured ? std::optional(100 * (*cell.measured / cell.published.published - 1)) : std::nullopt;
-    row.insert(row.end(),
-               {ferrobench::recordings::cell(cell.measured), cell.published.published,
-                ferrobench::recordings::cell(error), std::string(cell.published.doubtful ? "yes" : "")});
-    table.rows.push_back(std::move(row));
+    const double uncertainty = cell.cut_off.empty() ? cell.uncertainty : 0,
+                 published = cell.published.published;
+    const auto estimate = [&](double less) {
+      return cell.measured ? std::optional(Estimate{*cell.measured - less, uncertainty}) : std::nullopt;
+    };
+    row.insert(row.end(), {Entry(estimate(0), 1), published, Entry(estimate(published), published / 100),
+                           std::string(cell.published.doubtful ? "yes" : "")});
+    table.add(row);
     if (cell.cut_off.empty()) continue;
     for (std::size_t i = 0; i < table.columns.size(); ++i)
       if (table.columns[i].key == "measured" || table.columns[i].key == "error_percent")

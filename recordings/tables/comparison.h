@@ -24,6 +24,7 @@ struct ComparedCell {
   std::optional<double> measured;  // in the quantity's unit, scaled; none if no recording has it
   // The channel that a converter cut off where this was measured; then it counts for no error. "": none.
   std::string cut_off = {};
+  double uncertainty = 0;  // standard, of `measured`; 0: none is known
 };
 
 struct Comparison {
@@ -35,8 +36,8 @@ struct Comparison {
 
 Comparison compare(const PublishedTable& table, std::span<const Recording> recordings);
 
-// {table, cells: [{quantity, <keys>, measured, published, error, doubtful, clipped}], rms_log_error:
-// {quantity: x}, scale}
+// {table, cells: [{quantity, <keys>, measured, measured_uncertainty, published, error, doubtful, clipped}],
+// rms_log_error: {quantity: x}, scale}
 nlohmann::json to_json(const Comparison& comparison);
 Table as_table(const Comparison& comparison);
 std::string render(const Comparison& comparison, Format format);

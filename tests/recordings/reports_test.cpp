@@ -156,24 +156,24 @@ TEST(CreepReport, ExponentialIsHalfDoneAtItsHalfTime) {
   // Half of the change within the 15 s.
   const double half = -2 * std::log(1 - 0.5 * (1 - std::exp(-7.5)));
   const auto exact = creep_of(creep_recording(law, 0));
-  EXPECT_NEAR(exact.change, law(15), 1e-12);
+  EXPECT_NEAR(exact.change.value, law(15), 1e-12);
   EXPECT_NEAR(exact.range, -law(15), 1e-12);
   EXPECT_NEAR(*exact.time_to_half, half, 1e-4);
   const auto noisy = creep_of(creep_recording(law, 3e-8));
-  EXPECT_NEAR(noisy.change, law(15), 0.02 * 4e-6);
+  EXPECT_NEAR(noisy.change.value, law(15), 0.02 * 4e-6);
   EXPECT_NEAR(noisy.range, -law(15), 0.03 * 4e-6);
   EXPECT_NEAR(*noisy.time_to_half, half, 0.06);
 }
 
 TEST(CreepReport, LogarithmicHasItsRate) {
   const auto law = [](double t) { return 3e-7 * std::log10(1 + t / 1e-4); };
-  EXPECT_NEAR(*creep_of(creep_recording(law, 0)).per_decade, 3e-7, 1e-9);
-  EXPECT_NEAR(*creep_of(creep_recording(law, 1e-8)).per_decade, 3e-7, 1.5e-8);
+  EXPECT_NEAR(creep_of(creep_recording(law, 0)).per_decade->value, 3e-7, 1e-9);
+  EXPECT_NEAR(creep_of(creep_recording(law, 1e-8)).per_decade->value, 3e-7, 1.5e-8);
 }
 
 TEST(CreepReport, RangeSeesWhatComesBack) {
   const auto creep = creep_of(creep_recording([](double t) { return 1e-6 * std::sin(2 * pi * t / 15); }, 0));
-  EXPECT_NEAR(creep.change, 0, 1e-12);
+  EXPECT_NEAR(creep.change.value, 0, 1e-12);
   EXPECT_NEAR(creep.range, 2e-6, 1e-9);
 }
 
