@@ -95,6 +95,8 @@ class Device {
   virtual std::vector<recordings::Channel> signals() const { return {}; }
   // Known noise per channel in SI (standard deviation), where there is any.
   virtual std::array<std::optional<double>, 5> noise() const { return {}; }
+  // False: it has only answers that were recorded before.
+  virtual bool measures() const { return true; }
   // The model behind the device, or null.
   virtual nlohmann::json model() const { return nullptr; }
   // What the output can reach.

@@ -24,24 +24,27 @@ std::span<const DeviceKind> device_kinds() {
       DeviceKind{.name = "virtual",
                  .description = "a specimen, amplifier and sensors computed by a model",
                  .schema = [] { return configuration_schema<VirtualConfig>("virtual"); },
-                 .open = VirtualDevice::open},
+                 .open = VirtualDevice::open,
+                 .check = VirtualDevice::check},
       DeviceKind{.name = "usb",
                  .description = "a USB-1608GX-2AO with amplifier and sensors",
                  .schema = [] { return configuration_schema<usb::UsbConfig>("usb"); },
                  .open = usb::UsbDevice::open,
+                 .check = [](const nlohmann::json& config) { usb::usb_config_from_json(config); },
                  .keeps_output = true},
       DeviceKind{.name = "replay",
                  .description = "a recording played again, as it was measured",
                  .schema = [] { return configuration_schema<ReplayConfig>("replay"); },
-                 .open = ReplayDevice::open},
+                 .open = ReplayDevice::open,
+                 .check = [](const nlohmann::json& config) { replay_config_from_json(config); }},
   };
   return kinds;
 }
 
-std::unique_ptr<Device> open_device(std::string_view name, const nlohmann::json& config) {
+const DeviceKind& device_kind(std::string_view name) {
   std::vector<std::string> names;
   for (const auto& kind : device_kinds()) {
-    if (kind.name == name) return kind.open(config);
+    if (kind.name == name) return kind;
     names.emplace_back(kind.name);
   }
   const auto guess = nearest_name(name, names);
@@ -51,6 +54,10 @@ std::unique_ptr<Device> open_device(std::string_view name, const nlohmann::json&
                       .given = name,
                       .allowed = names,
                       .hint = guess.empty() ? "" : "did you mean \"" + guess + "\"?"});
+}
+
+std::unique_ptr<Device> open_device(std::string_view name, const nlohmann::json& config) {
+  return device_kind(name).open(config);
 }
 
 }  // namespace ferrobench::daq

@@ -16,6 +16,11 @@ Scaling::Scaling(std::vector<recordings::RawColumn> columns, std::span<const Cha
       channels_.push_back(channel);
 }
 
+void Scaling::reserve(std::size_t rows) {
+  time_.reserve(rows);
+  for (const auto& column : columns_) values_.at(static_cast<std::size_t>(column.channel)).reserve(rows);
+}
+
 void Scaling::number(std::uint64_t first, std::size_t rows) {
   time_.resize(rows);
   for (std::size_t i = 0; i < rows; ++i) time_[i] = static_cast<double>(first + i) / rate_;

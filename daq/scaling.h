@@ -20,6 +20,9 @@ class Scaling {
   std::span<const recordings::RawColumn> columns() const { return columns_; }
   double rate() const { return rate_; }
 
+  // Storage for blocks of so many rows.
+  void reserve(std::size_t rows);
+
   // The block's rows in SI. Valid until the next call and as long as the block.
   recordings::Rows rows(const SampleBlock& block);
   // Rows that were lost on the way: NaN, and the lowest count.

@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "daq/guard/guard.h"
-#include "daq/replay/replay_device.h"
 #include "daq/scaling.h"
 #include "recordings/analysis/statistics.h"
 
@@ -127,7 +126,7 @@ double mean(const std::vector<double>& values, std::size_t from, std::size_t to)
 }  // namespace
 
 SelftestReport selftest(Device& device, double rate, const std::function<std::string()>& stop_wanted) {
-  if (replay_source(device) != nullptr)
+  if (!device.measures())
     throw Error(ErrorCode::bad_state, "a replay cannot be tested: it has only the answers that were recorded",
                 Problem{.path = "/device", .hint = "test the device that the recording was made with"});
   const auto columns = device.columns();

@@ -7,6 +7,12 @@ namespace ferrobench::daq {
 
 using protocols::PieceKind;
 
+namespace {
+
+constexpr std::size_t most_ahead = 4096;  // rows that a driver asks for at a time, at most
+
+}  // namespace
+
 std::string_view end_name(End end) {
   constexpr std::array<std::string_view, 6> names{"none",  "complete",  "stopped",
                                                   "limit", "interlock", "fault"};
@@ -18,7 +24,22 @@ Feed::Feed(protocols::SampledWaveform program, const Limits& limits)
       limits_(limits),
       stop_slew_(limits.stop_slew),
       limiter_(limits, program_.rate(), program_.value(0)),
-      commands_{program_.value(0)} {}
+      commands_{program_.value(0)} {
+  constexpr double longest_wait = 1;  // s, between a command and its row
+  commands_.reserve(static_cast<std::size_t>(longest_wait * rate()) + most_ahead);
+  const auto table = program_.waveform().segments();
+  for (const auto& piece : program_.waveform().pieces()) {
+    auto& row = program_segments_.emplace_back();
+    row.kind = piece.kind == PieceKind::hold ? "hold" : "ramp";
+    row.level = piece.to;
+    if (const auto index = program_segments_.size() - 1; index < table.size()) {
+      row.label = table[index].label;
+      row.rate = table[index].rate;
+    }
+  }
+  constexpr std::size_t ways_back = 2;  // a stop, and a hastened one
+  segments_.reserve(program_segments_.size() + ways_back);
+}
 
 bool Feed::over() const {
   return stopping() ? limiter_.level() == 0 : index_ == program_.waveform().pieces().size();
@@ -48,14 +69,7 @@ LinearPiece Feed::program_piece(std::uint64_t max_samples) {
 
   if (opened_ == index_) {
     ++opened_;
-    const auto table = program_.waveform().segments();
-    recordings::SegmentRow row{
-        .kind = piece.kind == PieceKind::hold ? "hold" : "ramp", .label = {}, .level = piece.to};
-    if (index_ < table.size()) {
-      row.label = table[index_].label;
-      row.rate = table[index_].rate;
-    }
-    open_segment(std::move(row));
+    open_segment(std::move(program_segments_[index_]));
   }
   if (pause_wanted_ && piece.kind == PieceKind::hold) {
     if (!paused_) say("pause", "paused by request; the hold gets longer");

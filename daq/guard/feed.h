@@ -1,5 +1,6 @@
 // Turns a program into the pieces that go out, with pauses and the safe stop, and keeps account of them: the
 // command of each row, the events, the segment table as played. Single-threaded; the guard holds the lock.
+// While the program plays it asks for no memory, as long as its rows are taken within a second.
 #pragma once
 
 #include <string>
@@ -75,7 +76,8 @@ class Feed final : public LevelSource {
   std::vector<double> commands_;  // of rows issued and not yet taken, the first being row taken_
   std::uint64_t taken_ = 0;
   std::vector<recordings::Event> events_;
-  std::vector<recordings::SegmentRow> segments_;
+  std::vector<recordings::SegmentRow> segments_;  // as played
+  std::vector<recordings::SegmentRow> program_segments_;
 };
 
 }  // namespace ferrobench::daq

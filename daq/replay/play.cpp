@@ -5,8 +5,6 @@
 
 namespace ferrobench::daq {
 
-using recordings::Channel;
-
 namespace {
 
 template <class T>
@@ -52,7 +50,8 @@ Replay play(ReplayDevice& device, const Limits& bench, const std::function<bool(
       guard.stop("stopped by the operator");
   }
   out.outcome = guard.outcome();
-  auto closing = source.closing(guard);
+  auto closing =
+      source.closing(out.outcome.end, out.outcome.reason, guard.segments(), guard.progress().rows_read);
   r.status = std::move(closing.status);
   r.reason = std::move(closing.reason);
   r.segments = std::move(closing.segments);

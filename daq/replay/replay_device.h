@@ -19,6 +19,7 @@ class ReplayDevice final : public Device {
   static std::unique_ptr<Device> open(const nlohmann::json& json);
 
   const ReplaySource& source() const { return source_; }
+  bool measures() const override { return false; }
   nlohmann::json info() const override;
   std::vector<recordings::RawColumn> columns() const override;
   std::vector<recordings::Channel> signals() const override;

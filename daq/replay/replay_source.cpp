@@ -180,18 +180,17 @@ recordings::Header ReplaySource::header() const {
   return recording_.header;
 }
 
-ReplaySource::Closing ReplaySource::closing(const Guard& guard) const {
-  const auto outcome = guard.outcome();
+ReplaySource::Closing ReplaySource::closing(End end, const std::string& reason,
+                                            std::vector<recordings::SegmentRow> played,
+                                            std::uint64_t rows_read) const {
   const auto& r = recording_;
   // A recording that was still being written is one that has been recovered, once it is copied.
-  if (outcome.end == End::complete)
+  if (end == End::complete)
     return {.status = recordings::is_open(r.status) ? "recovered" : r.status,
             .reason = r.reason,
             .segments = r.segments};
-  Closing out{.status = "aborted", .reason = outcome.reason, .segments = {}};
-  auto played = guard.segments();
-  const auto left =
-      played.size() > 1 ? played[1].start_sample : static_cast<std::int64_t>(guard.progress().rows_read);
+  Closing out{.status = "aborted", .reason = reason, .segments = {}};
+  const auto left = played.size() > 1 ? played[1].start_sample : static_cast<std::int64_t>(rows_read);
   for (auto row : r.segments) {
     row.end_sample = std::min(row.end_sample, left);
     if (row.end_sample > row.start_sample) out.segments.push_back(std::move(row));

@@ -52,7 +52,9 @@ class ReplaySource {
     std::string status, reason;
     std::vector<recordings::SegmentRow> segments;
   };
-  Closing closing(const Guard& guard) const;
+  // `played`: the guard's segments.
+  Closing closing(End end, const std::string& reason, std::vector<recordings::SegmentRow> played,
+                  std::uint64_t rows_read) const;
 
  private:
   void calibrate(const ReplayConfig& config);

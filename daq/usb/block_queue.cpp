@@ -14,6 +14,15 @@ void clear(SampleBlock& block) {
 
 }  // namespace
 
+void BlockQueue::prepare(std::size_t blocks, std::size_t counts) {
+  const std::scoped_lock lock(mutex_);
+  for (std::size_t i = 0; i < blocks; ++i) {
+    SampleBlock block;
+    block.counts.reserve(counts);
+    empty_.push_back(std::move(block));
+  }
+}
+
 SampleBlock BlockQueue::take_empty() {
   const std::scoped_lock lock(mutex_);
   if (empty_.empty()) return {};
@@ -60,7 +69,7 @@ bool BlockQueue::take(SampleBlock& block) {
   block.rows = next.rows;
   block.status = next.status;
   clear(next);
-  if (empty_.size() < 8) empty_.push_back(std::move(next));
+  if (!empty_.full()) empty_.push_back(std::move(next));
   full_.pop_front();
   return true;
 }

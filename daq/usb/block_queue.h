@@ -2,8 +2,8 @@
 // goes round.
 #pragma once
 
+#include <boost/circular_buffer.hpp>
 #include <condition_variable>
-#include <deque>
 #include <mutex>
 
 #include "daq/device.h"
@@ -14,6 +14,8 @@ class BlockQueue {
  public:
   static constexpr std::size_t capacity = 4096;  // 100 s of them
 
+  // So many blocks with room for so many counts. More are made while the reader is farther behind than that.
+  void prepare(std::size_t blocks, std::size_t counts);
   SampleBlock take_empty();
   // False: nobody reads, there is no room.
   bool put(SampleBlock block);
@@ -26,8 +28,7 @@ class BlockQueue {
  private:
   std::mutex mutex_;
   std::condition_variable came_;
-  std::deque<SampleBlock> full_;
-  std::vector<SampleBlock> empty_;
+  boost::circular_buffer<SampleBlock> full_{capacity + 1}, empty_{capacity + 1};
   bool ended_ = false;
 };
 

@@ -32,8 +32,9 @@ std::span<const std::pair<TickOrder, std::string_view>> enum_names(TickOrder);
 
 struct Input {
   std::int64_t channel = 0;
-  double range = 10;            // V, full scale
-  std::optional<double> noise;  // SI, standard deviation
+  double range = 10;                       // V, full scale
+  std::optional<double> noise;             // SI, standard deviation
+  std::optional<double> gain_uncertainty;  // standard, relative; of the whole way from the quantity to volts
 };
 
 struct ChargeInput : Input {
@@ -123,6 +124,11 @@ void describe_input(Visitor& visit, Input& i) {
         {.min = 0, .max = 15, .required = true, .doc = "input; 0 to 7 when wired differentially"});
   visit("range", i.range, {.unit = "V", .doc = "full scale of the converter: 10, 5, 2 or 1"});
   visit("noise", i.noise, {.min = 0, .doc = "standard deviation in SI, where known"});
+  visit("gain_uncertainty", i.gain_uncertainty,
+        {.min = 0,
+         .max = 1,
+         .doc = "relative standard uncertainty of the sensor's gain, as its calibration states it (k = 1); "
+                "part of the uncertainties in reports"});
 }
 
 template <class Visitor>

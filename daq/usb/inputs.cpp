@@ -67,6 +67,7 @@ InputColumn column(Channel channel, const Input& input, Wiring wiring) {
   out.column.channel = channel;
   out.element = element_of(input.channel, input.range, wiring);
   out.noise = input.noise;
+  out.gain_uncertainty = input.gain_uncertainty;
   return out;
 }
 

@@ -17,7 +17,8 @@ namespace ferrobench::daq::usb {
 struct InputColumn {
   recordings::RawColumn column;
   QueueElement element;
-  std::optional<double> noise;        // SI
+  std::optional<double> noise;  // SI
+  std::optional<double> gain_uncertainty;
   std::vector<std::int16_t> by_code;  // 65,536 counts where there is a table, else empty
   int lowest_code = 1;                // a code below or above has clipped
   int highest_code = 65534;

@@ -90,11 +90,10 @@ std::size_t LibusbLink::packet_bytes(std::uint8_t endpoint) const {
 
 LinkStatus LibusbLink::control_out(const ControlRequest& r, std::span<const std::byte> data,
                                    std::chrono::milliseconds timeout) {
-  std::vector<unsigned char> copy(data.size());
-  std::transform(data.begin(), data.end(), copy.begin(),
-                 [](auto b) { return static_cast<unsigned char>(b); });
-  const int moved = libusb_control_transfer(handle_, r.request_type, r.request, r.value, r.index, copy.data(),
-                                            static_cast<std::uint16_t>(copy.size()),
+  // libusb has one form for both directions and does not write to what goes out.
+  auto* bytes = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(data.data()));
+  const int moved = libusb_control_transfer(handle_, r.request_type, r.request, r.value, r.index, bytes,
+                                            static_cast<std::uint16_t>(data.size()),
                                             static_cast<unsigned>(timeout.count()));
   if (moved < 0) return link_status(moved);
   return static_cast<std::size_t>(moved) == data.size() ? LinkStatus::ok : LinkStatus::error;
@@ -121,7 +120,6 @@ LinkStatus LibusbLink::submit_in(std::uint8_t endpoint, std::span<std::byte> buf
 
 LinkStatus LibusbLink::submit_out(std::uint8_t endpoint, std::span<const std::byte> buffer,
                                   std::uint64_t token) {
-  // libusb has one form for both directions and does not write to what goes out.
   return submit(endpoint, const_cast<std::byte*>(buffer.data()), buffer.size(), token);
 }
 
@@ -132,6 +130,7 @@ LinkStatus LibusbLink::submit(std::uint8_t endpoint, std::byte* data, std::size_
     if (transfer == nullptr) return LinkStatus::error;
     slots_.push_back({.link = this, .transfer = transfer});
     found = slots_.end() - 1;
+    completed_.reserve(slots_.size());
   }
   auto& slot = *found;
   libusb_fill_bulk_transfer(slot.transfer, handle_, endpoint, reinterpret_cast<unsigned char*>(data),

@@ -53,7 +53,7 @@ void OutputFeed::drop(std::size_t ticks) {
   dropped_ += ticks;
   last_dropped_ = levels_[dropped_ - 1];
   // The newest level stays: fill() goes on from it.
-  if (dropped_ < 4096 || 2 * dropped_ < levels_.size()) return;
+  if (dropped_ < fewest_dropped || 2 * dropped_ < levels_.size()) return;
   const auto gone = std::min(dropped_, levels_.size() - 1);
   levels_.erase(levels_.begin(), levels_.begin() + static_cast<std::ptrdiff_t>(gone));
   dropped_ -= gone;

@@ -20,6 +20,8 @@ class OutputFeed {
   using ToCode = std::function<std::uint16_t(double level)>;
   OutputFeed(LevelSource& source, double level, std::uint64_t oversampling, TickOrder order, ToCode to_code);
 
+  // Room for the levels of so many ticks that are not dropped: they may stand twice until they are erased.
+  void reserve(std::size_t ticks) { levels_.reserve(2 * ticks + fewest_dropped); }
   // The next codes, as many as fit, little endian.
   void fill(std::span<std::byte> bytes);
   std::uint64_t filled() const { return filled_; }  // codes so far
@@ -33,6 +35,7 @@ class OutputFeed {
   double last_dropped() const { return last_dropped_; }
 
  private:
+  static constexpr std::size_t fewest_dropped = 4096;  // before they are erased, which moves the others
   double next_level(std::uint64_t wanted);
 
   LevelSource& source_;

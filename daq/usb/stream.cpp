@@ -1,6 +1,7 @@
 #include "daq/usb/stream.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace ferrobench::daq::usb {
@@ -16,6 +17,8 @@ constexpr std::size_t input_transfers = 16;
 constexpr std::size_t proof_ticks = 8;
 constexpr std::chrono::milliseconds wait_step{5};
 constexpr std::chrono::milliseconds look_interval{25};
+constexpr double late_looks = 4;    // what a block has room for: a look that comes 0.1 s after the one before
+constexpr std::size_t blocks = 32;  // 0.8 s of them for a reader that is held up
 constexpr std::chrono::milliseconds silence{1000};
 
 std::chrono::nanoseconds seconds(double s) {
@@ -102,7 +105,16 @@ void Stream::prepare() {
   lead_ = std::max(static_cast<std::uint64_t>(plan_.queue_ahead * rate),
                    static_cast<std::uint64_t>(std::ceil(packet_ticks)) + 2);
   chunk_ = std::clamp<std::uint64_t>(lead_ / 5, 1, longest_transfer / 4);
-  transfers_.prepare(input_transfers, bytes, lead_ / chunk_ + 2, 2 * chunk_);
+  const auto outputs = lead_ / chunk_ + 2;
+  transfers_.prepare(input_transfers, bytes, outputs, 2 * chunk_);
+  // Nothing of what follows asks for memory while the thread keeps up.
+  const auto ticks = lead_ + chunk_ + input_transfers * bytes / 2 / width;
+  cutter_.reserve(ticks);
+  feed_.reserve(ticks);
+  done_.reserve(input_transfers + outputs);
+  const auto rows = static_cast<std::size_t>(
+      late_looks * std::chrono::duration<double>(look_interval).count() * plan_.pace.row_rate());
+  queue_.prepare(blocks, (rows + proof_ticks) * inputs_.columns().size());
 }
 
 void Stream::arm() {
@@ -306,16 +318,16 @@ void Stream::vouch(bool final) {
     block.first_sample = first;
     block.rows = rows;
     block.counts.reserve(rows * columns.size());
-    std::vector<bool> clipped(columns.size());
+    std::array<bool, longest_queue> clipped{};
     for (auto row = first; row < first + rows; ++row) {
       const auto* tick = codes.data() + (row * n - vouched_) * width;
       for (std::size_t c = 0; c < columns.size(); ++c) {
         block.counts.push_back(columns[c].count(tick[c]));
-        if (tick[c] < columns[c].lowest_code || tick[c] > columns[c].highest_code) clipped[c] = true;
+        if (tick[c] < columns[c].lowest_code || tick[c] > columns[c].highest_code) clipped.at(c) = true;
       }
     }
     for (std::size_t c = 0; c < columns.size(); ++c) {
-      if (!clipped[c]) continue;
+      if (!clipped.at(c)) continue;
       block.status = BlockStatus::clipped;
       block.message += (block.message.empty() ? "" : ", ") +
                        std::string(recordings::channel_name(columns[c].column.channel)) +

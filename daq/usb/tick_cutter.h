@@ -13,6 +13,7 @@ class TickCutter {
  public:
   explicit TickCutter(std::size_t width) : width_(width) {}
 
+  void reserve(std::size_t ticks) { codes_.reserve((ticks + 1) * width_); }
   void add(std::span<const std::byte> bytes);
   std::uint64_t received() const { return received_; }  // whole ticks since the start
   // Whole ticks that wait to be taken, their codes one after the other.

@@ -11,7 +11,8 @@ void Transfers::prepare(std::size_t inputs, std::size_t input_bytes, std::size_t
                         std::size_t output_bytes) {
   assert(in_flight_ == 0);
   transfers_.clear();
-  order_.clear();
+  order_ = boost::circular_buffer<std::uint64_t>(inputs);
+  completions_.reserve(inputs + outputs);
   for (std::size_t i = 0; i < inputs + outputs; ++i) {
     const bool input = i < inputs;
     transfers_.push_back(

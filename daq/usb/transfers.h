@@ -2,6 +2,7 @@
 // all else has failed has its memory.
 #pragma once
 
+#include <boost/circular_buffer.hpp>
 #include <deque>
 #include <memory>
 #include <vector>
@@ -41,8 +42,8 @@ class Transfers {
   void forget();
 
  private:
-  std::deque<Transfer> transfers_;   // token: index
-  std::deque<std::uint64_t> order_;  // of the inputs in flight
+  std::deque<Transfer> transfers_;               // token: index
+  boost::circular_buffer<std::uint64_t> order_;  // of the inputs in flight
   std::size_t in_flight_ = 0;
   std::vector<Completion> completions_;
 };

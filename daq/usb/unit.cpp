@@ -157,12 +157,11 @@ void Unit::read(std::uint8_t request, std::string_view what, std::span<std::byte
     status = link_->control_in(setup, data, actual, patience);
     if (status == LinkStatus::no_device || (status == LinkStatus::ok && actual == data.size())) break;
   }
+  if (status == LinkStatus::ok && actual == data.size()) return;
   const auto about = std::string(what) + " (" + hex(request) + ")";
   if (status != LinkStatus::ok) throw LinkFailure(status, "the unit did not answer a request: " + about);
-  if (actual != data.size())
-    throw LinkFailure(LinkStatus::error, "the unit answered " + std::to_string(actual) +
-                                             " bytes instead of " + std::to_string(data.size()) + ": " +
-                                             about);
+  throw LinkFailure(LinkStatus::error, "the unit answered " + std::to_string(actual) + " bytes instead of " +
+                                           std::to_string(data.size()) + ": " + about);
 }
 
 UnitStatus Unit::status() {

@@ -155,7 +155,7 @@ double UsbDevice::stop_slew() const {
 nlohmann::json UsbDevice::info() const {
   nlohmann::json channels = nlohmann::json::array();
   std::size_t place = 0;
-  for (const auto& c : inputs_->columns())
+  for (const auto& c : inputs_->columns()) {
     channels.push_back({{"channel", recordings::channel_name(c.column.channel)},
                         {"unit", recordings::channel_unit(c.column.channel)},
                         {"input", c.element.channel},
@@ -164,6 +164,8 @@ nlohmann::json UsbDevice::info() const {
                         {"offset", c.column.offset},
                         {"linearized", !c.by_code.empty()},
                         {"skew_s", static_cast<double>(place++) / model_->input_rate}});
+    if (c.gain_uncertainty) channels.back()["gain_uncertainty"] = *c.gain_uncertainty;
+  }
   const auto range = amplifier_.range();
   nlohmann::json out{{"driver", "usb"},
                      {"product", model_->name},

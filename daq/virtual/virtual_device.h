@@ -24,6 +24,7 @@ class VirtualDevice final : public Device {
   VirtualDevice(const model::Model& model, const VirtualConfig& config);
   // Throws Error(invalid_params | not_found | bad_model).
   static std::unique_ptr<Device> open(const nlohmann::json& config);
+  static void check(const nlohmann::json& config);  // throws the same
 
   nlohmann::json info() const override;
   std::vector<recordings::RawColumn> columns() const override;

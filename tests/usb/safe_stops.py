@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Every way out of a run, on the emulated unit: how long until its output is at zero, and how steeply it got there.
 
-    safe_stops.py FERROBENCH EMULATOR SHIM
+    safe_stops.py FERROBENCH EMULATOR SHIM [WAY [TIMES]]     all ways; or those whose name has WAY in it, so many times
 
 Needs umockdev-wrapper around it. Each way begins in a hold at 1.5 kV/mm. Exit code 1 if the output is not at zero in the
 time allowed (what the way needs to be noticed, the ramp at stop_slew, and a second), or came there faster than that slew.
-It is the limits', after a crash the amplifier's. The shim is that of tests/faults.
+It is the limits', after a crash the amplifier's. Whatever does not end in its time is named, with the daemon's log. The shim
+is that of tests/faults.
 """
 
+import contextlib
 import json
 import os
 import signal
@@ -16,11 +18,33 @@ import sys
 import tempfile
 import time
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "server"))
+import daemon_client  # noqa: E402
+
 TOP = 1.5e6  # V/m
 STOP_SLEW = 1e6  # V/m/s, default of the limits
 SLACK = 1.0  # s
 ZERO = 100  # V/m, 0.5 mV of the unit: a code and a half
 WINDOW = 0.05  # s; the device may be 0.01 s late with a step
+CALL, START, END, WAY = 30, 20, 60, 90  # s, most that a call, a daemon's start, a program's end, and a whole way may take
+
+
+@contextlib.contextmanager
+def within(seconds, what, log=None):
+    def late(*_):
+        sys.exit(f"not within {seconds} s: {what}\n" + (open(log).read() if log else ""))
+    signal.signal(signal.SIGALRM, late)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+
+
+def urgent():
+    """What stands for hardware has its own time: where the system allows it, no other program delays it."""
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(20))
 
 
 class Bench:
@@ -33,6 +57,7 @@ class Bench:
         self.emulator = int(os.environ["FERROBENCH_USB_EMULATOR"])
         self.daemon = None
         self.trigger = None
+        self.output_seen = 0  # bytes of the output's log that output() passes over
 
     def start(self, fault=None):
         """A daemon; its writes to the data folder fail in that way once the trigger is there."""
@@ -43,31 +68,41 @@ class Bench:
                 os.remove(self.trigger)
             env.update(FAULT_FOLDER=f"{self.folder}/data/recordings", FAULT_KIND=fault, FAULT_WHEN=self.trigger,
                        LD_PRELOAD=f"{self.shim}:{env.get('LD_PRELOAD', '')}")
-        self.log = open(f"{self.folder}/daemon.log", "a")
-        self.daemon = subprocess.Popen([self.program, "serve", "--port", "0", "--token-file", f"{self.folder}/token"],
-                                       env=env, stdout=self.log, stderr=self.log)
-        for _ in range(200):
-            if subprocess.run([self.program, "call", "system.info"], capture_output=True).returncode == 0:
-                return
-            time.sleep(0.05)
-        sys.exit("the daemon does not answer:\n" + open(f"{self.folder}/daemon.log").read())
+        self.log = f"{self.folder}/daemon.log"
+        with open(self.log, "a") as log:
+            self.daemon = subprocess.Popen([self.program, "serve", "--port", "0", "--token-file", f"{self.folder}/token"],
+                                           env=env, stdout=log, stderr=log)
+        with within(START, "the daemon answers", self.log):
+            while not daemon_client.answers(f"{self.folder}/data"):
+                if self.daemon.poll() is not None:
+                    sys.exit(f"the daemon has ended ({self.daemon.returncode}):\n" + open(self.log).read())
+                time.sleep(0.05)
+
+    def ended(self, process, what):
+        with within(END, what, self.log):
+            process.wait()
 
     def end(self):
         if self.daemon and self.daemon.poll() is None:
             self.daemon.terminate()
-            self.daemon.wait(60)
+            self.ended(self.daemon, "the daemon ends after SIGTERM")
         self.daemon = None
 
     def call(self, method, **params):
-        done = subprocess.run([self.program, "call", method, json.dumps(params)], capture_output=True, text=True)
-        if done.returncode != 0:
-            sys.exit(f"{method}: {done.stderr}{open(f'{self.folder}/daemon.log').read()}")
-        return json.loads(done.stdout)
+        try:
+            return daemon_client.ask(f"{self.folder}/data", method, CALL, **params)
+        except (OSError, daemon_client.Refused) as failure:
+            sys.exit(f"{method}: {failure}\n{open(self.log).read()}")
+
+    def processes(self):
+        return daemon_client.bench_processes(f"{self.folder}/data")
 
     def output(self):
         """[(unit's time in s, time of day in s, field in V/m)]"""
         rows = []
-        for line in open(f"{self.folder}/output.log"):
+        log = open(f"{self.folder}/output.log")
+        log.seek(self.output_seen)
+        for line in log:
             fields = line.split()
             if len(fields) == 3 and line.endswith("\n"):
                 rows.append((float(fields[0]), float(fields[1]), float(fields[2]) * self.field))
@@ -82,9 +117,12 @@ class Bench:
             if abs(self.level() - level) < 0.01 * TOP:
                 return
             time.sleep(0.05)
-        sys.exit("the run does not come to its hold:\n" + open(f"{self.folder}/daemon.log").read())
+        sys.exit(f"the run does not come to its hold: {self.call('run.status')}\n" + open(self.log).read())
 
     def run(self):
+        with within(END, "the run before, which this daemon may have taken over, is over", self.log):
+            while self.call("run.status")["state"] not in ("idle", "complete", "aborted"):
+                time.sleep(0.05)
         self.call("run.start", protocol=json.load(open(f"{self.folder}/hold.json")), device="usb", config=self.config)
         self.at_top()
         time.sleep(0.3)
@@ -104,7 +142,7 @@ def by_test_abort(bench):
     bench.at_top(5e4)
     begin = time.time()
     bench.call("run.abort")
-    test.wait(30)
+    bench.ended(test, "the self-test's command ends")
     bench.call("device.close", device=device)
     return begin, 0
 
@@ -117,7 +155,7 @@ def by_client(bench):
     time.sleep(0.3)
     begin = time.time()
     run.send_signal(signal.SIGINT)
-    run.wait(60)
+    bench.ended(run, "ferrobench run ends after Ctrl-C")
     return begin, 0
 
 
@@ -132,17 +170,52 @@ def by_sigterm(bench):
     bench.run()
     begin = time.time()
     bench.daemon.terminate()
-    bench.daemon.wait(60)
+    bench.ended(bench.daemon, "the daemon ends after SIGTERM")
     return begin, 0
 
 
 def by_sigkill(bench):
     bench.run()
+    begin = time.time()
     bench.daemon.kill()
-    bench.daemon.wait()
+    bench.ended(bench.daemon, "the daemon ends after SIGKILL")
+    return begin, 0
+
+
+def by_sigstop(bench):
+    bench.run()
+    begin = time.time()
+    bench.daemon.send_signal(signal.SIGSTOP)
+    while time.time() < begin + 6 + TOP / STOP_SLEW:
+        time.sleep(0.1)
+    bench.daemon.send_signal(signal.SIGCONT)
+    return begin, 5
+
+
+def by_bench_sigkill(bench):
+    bench.run()
+    begin = time.time()
+    os.kill(bench.processes()[0], signal.SIGKILL)
+    return begin, 1  # the start of another one
+
+
+def by_abort_of_hanging_bench(bench):
+    bench.run()
+    os.kill(bench.processes()[0], signal.SIGSTOP)
+    begin = time.time()
+    bench.call("run.abort")
+    return begin, 3  # 2 s for the stop to be taken, and the start of another one
+
+
+def by_both_sigkill(bench):
+    bench.run()
+    bench.daemon.kill()
+    for process in bench.processes():
+        os.kill(process, signal.SIGKILL)
+    bench.ended(bench.daemon, "the daemon ends after SIGKILL")
     time.sleep(1)
     if abs(bench.level()) < 0.9 * TOP:
-        sys.exit(f"after SIGKILL the output is at {bench.level()} V/m: this shows nothing")
+        sys.exit(f"after SIGKILL of both the output is at {bench.level()} V/m: this shows nothing")
     begin = time.time()
     bench.start()
     return begin, 1  # the daemon's start
@@ -169,7 +242,11 @@ def by_unplug(bench):
 
 WAYS = [("run.abort", by_abort, None), ("Ctrl-C of ferrobench run", by_client, None),
         ("self-test, run.abort", by_test_abort, None), ("lost client, lease of 1 s", by_lost_client, None),
-        ("SIGTERM of the daemon", by_sigterm, None), ("SIGKILL of the daemon, its next start", by_sigkill, None),
+        ("SIGTERM of the daemon", by_sigterm, None), ("SIGKILL of the daemon", by_sigkill, None),
+        ("SIGSTOP of the daemon, patience 5 s", by_sigstop, None),
+        ("SIGKILL of the bench process", by_bench_sigkill, None),
+        ("run.abort, bench process in SIGSTOP", by_abort_of_hanging_bench, None),
+        ("SIGKILL of both, the next start", by_both_sigkill, None),
         ("disk full", by_full_disk, "full"), ("disk hangs, patience 10 s", by_hanging_writer, "hang"),
         ("unplugged (no power: 0 V)", by_unplug, None)]
 
@@ -188,7 +265,7 @@ def judge(bench, name, way, fault):
     bench.start(fault)
     begin, notice = way(bench)
     high = next(row[2] for row in reversed(bench.output()) if row[1] <= begin)
-    slew = bench.own_slew if way is by_sigkill else STOP_SLEW
+    slew = bench.own_slew if way in (by_bench_sigkill, by_abort_of_hanging_bench, by_both_sigkill) else STOP_SLEW
     allowed = notice + abs(high) / slew + SLACK
     while abs(bench.level()) > ZERO and time.time() < begin + allowed + 10:
         time.sleep(0.05)
@@ -209,17 +286,19 @@ def judge(bench, name, way, fault):
     return good
 
 
-def inside(program, shim, folder):
+def inside(program, shim, folder, name, times):
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # the emulator alone is urgent
     bench = Bench(program, shim, folder)
+    ways = [way for way in WAYS if name in way[0]] * int(times)
     print(f"{'way out':38s} {'kV/mm':>8s} {'T [s]':>8s} {'allowed':>8s} {'kV/mm/s':>8s} {'allowed':>8s}")
     try:
-        good = [judge(bench, *way) for way in WAYS]
+        good = [judge(bench, *way) for way in ways]
     finally:
         bench.end()
     return 0 if all(good) else 1
 
 
-def main(program, emulator, shim):
+def main(program, emulator, shim, name="", times="1"):
     with tempfile.TemporaryDirectory() as folder:
         unit = {"board": "bench", "fpga_loaded": True, "output_log": f"{folder}/output.log",
                 "bench": {"fresh": True, "specimen": {"model": "mcl-op30"}}}
@@ -231,14 +310,19 @@ def main(program, emulator, shim):
         with open(f"{folder}/device.json", "w") as out:
             subprocess.run([emulator, "--config", f"{folder}/unit.json", "--device-config"], stdout=out, check=True)
         env = dict(os.environ, FERROBENCH_DATA=f"{folder}/data")
-        return subprocess.run([emulator, "--config", f"{folder}/unit.json", "--", sys.executable, __file__, "--inside",
-                               program, shim, folder], env=env).returncode
+        whole = subprocess.Popen([emulator, "--config", f"{folder}/unit.json", "--", sys.executable, __file__, "--inside",
+                                  program, shim, folder, name, times], env=env, preexec_fn=urgent)
+        with within(WAY * len(WAYS) * int(times), "the emulator and what it runs end", f"{folder}/daemon.log"):
+            whole.wait()
+        if whole.returncode not in (0, 1):
+            print(f"the emulator ended with {whole.returncode}", file=sys.stderr)
+        return whole.returncode
 
 
 if __name__ == "__main__":
     arguments = sys.argv[1:]
     if arguments and arguments[0] == "--inside":
         sys.exit(inside(*arguments[1:]))
-    if len(arguments) != 3:
+    if not 3 <= len(arguments) <= 5:
         sys.exit(__doc__)
     sys.exit(main(*arguments))

@@ -58,7 +58,8 @@ recordings::Recording through_usb(const server::RunRequest& request, const serve
   nobody.add_topic(server::samples_topic());
   server::Run run({.id = file.filename(),
                    .plan = std::move(plan),
-                   .device = std::shared_ptr<daq::Device>(std::shared_ptr<void>(), &rig.device()),
+                   .device = std::make_shared<server::HeldDevice>(
+                       std::shared_ptr<daq::Device>(std::shared_ptr<void>(), &rig.device())),
                    .device_name = "usb",
                    .limits = {},
                    .path = file,
@@ -100,7 +101,8 @@ int run(const std::string& table, std::int64_t seed, double update_rate) {
   constexpr int seeds = 4;
   std::vector<recordings::Comparison> direct;
   for (int s = 0; s < seeds; ++s)
-    direct.push_back(server::run_table(table, rested_requests(table, seed + 100 + s), store, ""));
+    direct.push_back(server::run_table(table, rested_requests(table, seed + 100 + s), store, "",
+                                       [](double) { return true; }));
 
   std::printf("%-40s %12s %12s %12s\n", "cell", "through USB", "without", "spread");
   int apart = 0;

@@ -87,7 +87,7 @@ int measure(double seconds) {
   const server::Store store(folder);
   const auto plan =
       server::make_plan({.protocol = protocol(seconds), .device = "usb", .config = configuration()}, store);
-  std::shared_ptr<daq::Device> device = daq::open_device("usb", plan.device_config);
+  const auto device = std::make_shared<server::HeldDevice>(daq::open_device("usb", plan.device_config));
   server::Hub nobody;
   nobody.add_topic({.name = "run", .doc = ""});
   nobody.add_topic({.name = "events", .doc = ""});

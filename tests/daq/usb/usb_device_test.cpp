@@ -379,10 +379,14 @@ TEST(UsbDevice, RefusesProductsWithoutOutputs) {
 }
 
 TEST(UsbDevice, SaysWhatItIsAndWhatItCan) {
-  Bench bench;
+  auto json = bench_json();
+  json["displacement"]["gain_uncertainty"] = 0.005;
+  Bench bench(json);
   const auto info = bench.device().info();
   EXPECT_EQ(info.at("serial_number"), "01ABCDEF");
   EXPECT_DOUBLE_EQ(info.at("channels").at(2).at("skew_s"), 2 / 500e3);
+  EXPECT_DOUBLE_EQ(info.at("channels").at(2).at("gain_uncertainty"), 0.005);
+  EXPECT_FALSE(info.at("channels").at(1).contains("gain_uncertainty"));
   EXPECT_THROW(bench.device().scan_rate(0.5), Error);
   EXPECT_THROW(bench.device().scan_rate(125001), Error);
   EXPECT_EQ(bench.device().scan_rate(125000), 125000);

@@ -46,14 +46,15 @@ int run(const nlohmann::json& json, char** command) {
   std::map<std::string, Usbfs> nodes;
   Usbfs* usbfs = nullptr;  // of the latest node
   Testbed* bed = nullptr;
-  Testbed testbed([&](const std::string& node, unsigned long request, UMockdevIoctlData& arg) {
-    const std::scoped_lock lock(mutex);
-    emulator.keep_up();
-    const int result = nodes.at(node).ioctl(request, arg);
-    usbfs->collect();
-    bed->set_reapable(usbfs->reapable());
-    return result;
-  });
+  Testbed testbed(
+      [&](const std::string& node, std::uint64_t client, unsigned long request, UMockdevIoctlData& arg) {
+        const std::scoped_lock lock(mutex);
+        emulator.keep_up();
+        const int result = nodes.at(node).ioctl(client, request, arg);
+        usbfs->collect();
+        bed->set_reapable(usbfs->reapable());
+        return result;
+      });
   bed = &testbed;
   const auto plug = [&] {
     testbed.plug(emulator.unit().setup());

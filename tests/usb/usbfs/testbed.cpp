@@ -140,8 +140,12 @@ void Testbed::set_reapable(bool reapable) {
 
 gboolean Testbed::on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
   auto& testbed = *static_cast<Testbed*>(self);
+  constexpr const char* key = "ferrobench-client";  // its address may have been another one's before
+  if (g_object_get_data(G_OBJECT(client), key) == nullptr)
+    g_object_set_data(G_OBJECT(client), key, reinterpret_cast<gpointer>(++testbed.clients_));  // NOLINT
+  const auto number = reinterpret_cast<std::uintptr_t>(g_object_get_data(G_OBJECT(client), key));
   UMockdevIoctlData* arg = umockdev_ioctl_client_get_arg(client);
-  const int result = testbed.handler_(umockdev_ioctl_client_get_devnode(client),
+  const int result = testbed.handler_(umockdev_ioctl_client_get_devnode(client), number,
                                       umockdev_ioctl_client_get_request(client), *arg);
   if (result >= 0)
     umockdev_ioctl_client_complete(client, result, 0);

@@ -4,6 +4,7 @@
 
 #include <umockdev.h>
 
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -12,9 +13,9 @@
 namespace ferrobench::emulator {
 
 // What a call gives back: a result (0 or more) or minus an errno. `node`: through which it came; whoever has
-// that of a device that left open can still call.
-using IoctlHandler =
-    std::function<int(const std::string& node, unsigned long request, UMockdevIoctlData& arg)>;
+// that of a device that left open can still call. `client`: whoever opened it, a number for each time.
+using IoctlHandler = std::function<int(const std::string& node, std::uint64_t client, unsigned long request,
+                                       UMockdevIoctlData& arg)>;
 
 class Testbed {
  public:
@@ -36,6 +37,7 @@ class Testbed {
   IoctlHandler handler_;
   UMockdevTestbed* testbed_;
   UMockdevIoctlBase* ioctls_ = nullptr;
+  std::uintptr_t clients_ = 0;
   int number_ = 1;
   int fifo_ = -1;
   bool reapable_ = false;

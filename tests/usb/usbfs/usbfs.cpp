@@ -4,6 +4,7 @@
 // After the header above, whose macros it uses.
 #include <linux/usbdevice_fs.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
@@ -59,7 +60,8 @@ Request request_of(std::span<const std::byte> setup) {
 
 }  // namespace
 
-int Usbfs::ioctl(unsigned long request, UMockdevIoctlData& arg) {
+int Usbfs::ioctl(std::uint64_t client, unsigned long request, UMockdevIoctlData& arg) {
+  client_ = client;
   if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) return reap(arg);
   if (request == USBDEVFS_DISCARDURB) return discard(arg);
   if (gone()) return -ENODEV;
@@ -79,7 +81,7 @@ int Usbfs::ioctl(unsigned long request, UMockdevIoctlData& arg) {
       // transfers would take the first ticks of the next one's scan.
       port_.cancel_all();
       collect();
-      done_.clear();
+      std::erase_if(done_, [client](const Done& done) { return done.client != client; });
       return 0;
     case USBDEVFS_RELEASEINTERFACE:
     case USBDEVFS_DISCONNECT_CLAIM:
@@ -174,6 +176,7 @@ int Usbfs::submit_control(Data urb, std::size_t length) {
   const Outcome outcome = forward(request, data, answer);
   const std::size_t moved = outcome != Outcome::ok ? 0 : in ? answer.size() : data.size();
   done_.push_back({.urb = std::move(urb),
+                   .client = client_,
                    .status = status_of(outcome),
                    .bytes = std::move(answer),
                    .offset = setup_packet,
@@ -191,7 +194,7 @@ int Usbfs::submit_bulk(Data urb, std::uint8_t endpoint, std::size_t length) {
     const auto bytes = buffer ? contents(*buffer) : std::vector<std::byte>{};
     if (!port_.submit_out(id, endpoint, bytes)) return -ENOENT;
   }
-  submitted_[id] = std::move(urb);
+  submitted_[id] = {.urb = std::move(urb), .client = client_};
   collect();
   return 0;
 }
@@ -201,7 +204,8 @@ void Usbfs::collect() {
   for (Finished& f : port_.take_finished()) {
     auto found = submitted_.extract(f.id);
     if (found.empty()) continue;
-    done_.push_back({.urb = std::move(found.mapped()),
+    done_.push_back({.urb = std::move(found.mapped().urb),
+                     .client = found.mapped().client,
                      .status = status_of(f.outcome),
                      .bytes = std::move(f.data),
                      .offset = 0,
@@ -211,8 +215,8 @@ void Usbfs::collect() {
 
 int Usbfs::discard(const UMockdevIoctlData& arg) {
   const auto address = load<unsigned long>(arg);
-  for (const auto& [id, urb] : submitted_) {
-    if (urb->client_addr != address) continue;
+  for (const auto& [id, submitted] : submitted_) {
+    if (submitted.client != client_ || submitted.urb->client_addr != address) continue;
     port_.cancel(id);
     collect();
     return 0;
@@ -222,11 +226,12 @@ int Usbfs::discard(const UMockdevIoctlData& arg) {
 
 int Usbfs::reap(UMockdevIoctlData& arg) {
   collect();
-  if (done_.empty()) return gone() ? -ENODEV : -EAGAIN;
+  const auto mine = std::ranges::find(done_, client_, &Done::client);
+  if (mine == done_.end()) return gone() ? -ENODEV : -EAGAIN;
   const Data where(follow(arg, 0, sizeof(void*)));
   if (!where) return -EFAULT;
-  Done done = std::move(done_.front());
-  done_.pop_front();
+  Done done = std::move(*mine);
+  done_.erase(mine);
   if (!done.bytes.empty()) {
     const Data buffer(follow(*done.urb, offsetof(usbdevfs_urb, buffer),
                              static_cast<std::size_t>(load<usbdevfs_urb>(*done.urb).buffer_length)));

@@ -1,6 +1,7 @@
 // The kernel's side of a device node (usbdevfs) for one unit on a Port: transfers are submitted, discarded
 // and reaped by ioctl, as libusb does. Everything that comes from the client is checked. A unit that left the
-// bus and came back has another node: the old one says "no device" to all but who reaps what it had.
+// bus and came back has another node: the old one says "no device" to all but who reaps what it had. Whoever
+// opened the node reaps and discards what it submitted itself, and nothing of another one that has died.
 #pragma once
 
 #include <umockdev.h>
@@ -19,8 +20,8 @@ class Usbfs {
  public:
   explicit Usbfs(Port& port) : port_(port) {}
 
-  // A result or minus an errno.
-  int ioctl(unsigned long request, UMockdevIoctlData& arg);
+  // A result or minus an errno. `client`: who has the node open.
+  int ioctl(std::uint64_t client, unsigned long request, UMockdevIoctlData& arg);
   // Takes over what the port has finished.
   void collect();
   bool reapable() const { return !done_.empty(); }
@@ -34,8 +35,13 @@ class Usbfs {
     void operator()(UMockdevIoctlData* data) const { umockdev_ioctl_data_unref(data); }
   };
   using Data = std::unique_ptr<UMockdevIoctlData, Unref>;
+  struct Submitted {
+    Data urb;
+    std::uint64_t client;
+  };
   struct Done {
     Data urb;
+    std::uint64_t client;
     int status;
     std::vector<std::byte> bytes;  // for the client's buffer, from `offset` on
     std::size_t offset, moved;
@@ -56,7 +62,8 @@ class Usbfs {
   bool retired_ = false;
   bool reset_ = false;
   std::uint64_t next_ = 1;
-  std::map<std::uint64_t, Data> submitted_;
+  std::uint64_t client_ = 0;  // whose call this is
+  std::map<std::uint64_t, Submitted> submitted_;
   std::deque<Done> done_;
 };
 
