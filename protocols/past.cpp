@@ -87,24 +87,65 @@ Past past_from_text(const std::string& text) {
   return past_from_json({{"kind", text}}, ErrorCode::invalid_params);
 }
 
+Past and_then(Past past, std::span<const VisitedLevel> levels) {
+  if (levels.empty() || !past.known()) return past;
+  if (past.kind == PastKind::cycled) return {};
+  if (past.kind == PastKind::poled_minus) past.from = FirstState::poled_minus;
+  if (past.kind == PastKind::unpoled) past.from = FirstState::unpoled;
+  past.kind = PastKind::visited;
+  past.levels.insert(past.levels.end(), levels.begin(), levels.end());
+  return past.levels.size() > most_visited_levels ? Past{} : past;
+}
+
+Past without_last_level(Past past) {
+  past.levels.pop_back();
+  if (!past.levels.empty()) return past;
+  switch (past.from.value_or(FirstState::poled_plus)) {
+    case FirstState::poled_minus:
+      return {PastKind::poled_minus};
+    case FirstState::unpoled:
+      return {PastKind::unpoled};
+    case FirstState::poled_plus:
+      break;
+  }
+  return {PastKind::poled_plus};
+}
+
+namespace {
+
+std::string in_words(FirstState state) {
+  switch (state) {
+    case FirstState::poled_minus:
+      return "poled towards -";
+    case FirstState::unpoled:
+      return "unpoled";
+    case FirstState::poled_plus:
+      break;
+  }
+  return "poled towards +";
+}
+
+}  // namespace
+
 std::string in_words(const Past& past) {
+  const auto first = in_words(past.from.value_or(FirstState::poled_plus));
   switch (past.kind) {
     case PastKind::poled_plus:
-      return "poled towards +";
+      return in_words(FirstState::poled_plus);
     case PastKind::poled_minus:
-      return "poled towards -";
+      return in_words(FirstState::poled_minus);
     case PastKind::unpoled:
-      return "unpoled";
+      return in_words(FirstState::unpoled);
     case PastKind::cycled:
-      return "cycled through the program until it repeated itself";
+      return first + ", then cycled through the program until it repeated itself";
     case PastKind::visited: {
       // The farthest level is what decides; the last ones often only lead back.
       double extreme = 0;
       for (const auto& level : past.levels)
         if (std::abs(level.field) >= std::abs(extreme)) extreme = level.field;
       std::array<char, 64> text{};
-      (void)std::snprintf(text.data(), text.size(), "taken to %.4g kV/mm last", extreme / 1e6);
-      return text.data();
+      (void)std::snprintf(text.data(), text.size(), ", then taken to %.4g kV/mm", extreme / 1e6);
+      return first + text.data();
     }
     case PastKind::unknown:
       break;

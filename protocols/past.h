@@ -82,7 +82,12 @@ nlohmann::json past_schema();
 Past past_from_json(const nlohmann::json& given, ErrorCode code, const std::string& path = "/past");
 // The name of a kind that needs no levels, or a past as JSON text. Throws Error(invalid_params).
 Past past_from_text(const std::string& text);
-// What the specimen was, in a few words: "poled towards -", "taken to -1.75 kV/mm last".
+// The past with these levels visited after it. Unknown where it was, after cycles, as what ends one depends
+// on the program, and where these are too many.
+Past and_then(Past past, std::span<const VisitedLevel> levels);
+// A past of the kind visited without its last level.
+Past without_last_level(Past past);
+// What the specimen was, in a few words: "poled towards -", "unpoled, then taken to -1.75 kV/mm".
 std::string in_words(const Past& past);
 
 }  // namespace ferrobench::protocols

@@ -30,8 +30,8 @@ bool is_parameter_name(std::string_view text) {
 }
 
 bool holds_text(std::string_view key) {
-  static constexpr std::array<std::string_view, 9> keys{"format", "name", "title", "source", "notes",
-                                                        "unit",   "kind", "label", "csv"};
+  static constexpr std::array<std::string_view, 10> keys{"$schema", "format", "name", "title", "source",
+                                                         "notes",   "unit",   "kind", "label", "csv"};
   return std::find(keys.begin(), keys.end(), key) != keys.end();
 }
 
@@ -129,6 +129,22 @@ void tell_in(Unit unit, Problem& problem) {
   if (problem.unit == rate_unit) problem.unit = name + "/s";
 }
 
+std::string object_of(const std::string& path) {
+  return path.substr(0, path.rfind('/'));
+}
+
+// A misspelt name is one problem: what its object lacks is not told as well. So does the schema.
+std::set<std::string> objects_with_unknown_keys(const std::vector<Problem>& found) {
+  std::set<std::string> out;
+  for (const auto& problem : found)
+    if (problem.message == "is not a known key") out.insert(object_of(problem.path));
+  return out;
+}
+bool tells_what_is_missing(const Problem& problem, const std::set<std::string>& objects) {
+  return (problem.message == "is missing" && objects.contains(object_of(problem.path))) ||
+         (problem.message.starts_with("has neither") && objects.contains(problem.path));
+}
+
 }  // namespace
 
 Program read_program(const json& given, std::vector<Problem>& problems) {
@@ -160,8 +176,9 @@ Program read_program(const json& given, std::vector<Problem>& problems) {
     program.segments = read_segments(program.header.segments, "/segments", 0, program.header.unit, found);
   program.header.segments = nullptr;
   const bool unit_known = std::ranges::none_of(found, [](const Problem& p) { return p.path == "/unit"; });
+  const auto misspelt_in = objects_with_unknown_keys(found);
   for (auto& problem : found) {
-    if (substitution.complained(problem.path)) continue;
+    if (substitution.complained(problem.path) || tells_what_is_missing(problem, misspelt_in)) continue;
     if (unit_known) tell_in(program.header.unit, problem);
     problems.push_back(std::move(problem));
   }

@@ -28,18 +28,21 @@ void describe(Visitor& visit, LoadFields& load) {
 struct Header {
   Format format = Format::protocol;
   std::int64_t version = 1;
-  std::string name, title, source, notes;
+  std::string schema, name, title, source, notes;
   Unit unit = Unit::kv_per_mm;
   std::optional<double> layer_thickness;
   std::optional<double> sample_rate;
   LoadFields load;
   std::optional<Past> past;
+  bool unattended = false;
   nlohmann::json parameters = nlohmann::json::object();
   double start = 0;
   nlohmann::json segments;
 };
 template <class Visitor>
 void describe(Visitor& visit, Header& h) {
+  visit("$schema", h.schema,
+        {.doc = "address or file of this schema, for an editor that checks what is written; not read here"});
   visit("format", h.format, {.required = true});
   visit("version", h.version, {.min = 1, .max = 1, .required = true});
   visit("name", h.name, {.required = true, .doc = "letters, digits, dots, dashes and underscores"});
@@ -53,6 +56,8 @@ void describe(Visitor& visit, Header& h) {
         {.unit = "Hz", .min = 0, .max = 1e7, .exclusive_min = true, .doc = "what suits the experiment"});
   visit("load", h.load, {.doc = "what the specimen works against"});
   visit("past", h.past, {.doc = "what the specimen has been through before"});
+  visit("unattended", h.unattended,
+        {.doc = "goes on to its end if the server dies or hangs; else the bench stops it safely then"});
   visit("parameters", h.parameters, {.doc = "named numbers, for $name in place of a number"});
   visit("start", h.start, level_info("level before the first segment"));
   visit("segments", h.segments, {.required = true});

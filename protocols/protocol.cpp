@@ -111,6 +111,10 @@ std::optional<double> Protocol::layer_thickness() const {
   return valid_program(json_).header.layer_thickness;
 }
 
+bool Protocol::unattended() const {
+  return json_.value("unattended", false);
+}
+
 std::map<std::string, double> Protocol::parameters() const {
   return valid_program(json_).parameters;
 }

@@ -7,6 +7,7 @@
 //       "sample_rate_Hz": 50,                  optional: what suits the experiment
 //       "load": {"spring_stiffness_N_per_m": 2.7e6, "prestress_Pa": 4e6},            optional
 //       "past": {"kind": "poled_minus"},       optional: what the specimen has been through (past.h)
+//       "unattended": true,                    optional: goes on without a server, if that dies
 //       "parameters": {"rate": 1.0},           optional: named numbers that `--set rate=10` overrides;
 //       "$rate" uses one "start": 1.5,                          level before the first segment (default 0)
 //       "segments": [ ... ] }
@@ -57,6 +58,7 @@ class Protocol {
   std::optional<double> layer_thickness() const;  // m
   ProtocolLoad load() const;
   std::optional<Past> past() const;
+  bool unattended() const;
   std::map<std::string, double> parameters() const;
 
   // The protocol as executed: parameter values and layer thickness replaced by those in `options`.

@@ -64,6 +64,21 @@ void relate(json& s, const Reversals&) {
                 if_then("order", 3, {{"required", {"back_to", "rise", "through"}}})};
 }
 
+// What binds fields together is asked only where every field has a known name: a misspelt one is then the one
+// problem, and not what is missing for it as well.
+void bind_known_names(json& schema) {
+  auto names = json::array();
+  for (const auto& [name, property] : schema["properties"].items()) names.push_back(name);
+  auto then = json::object();
+  for (const auto* rule : {"required", "oneOf", "allOf", "dependentRequired"}) {
+    if (!schema.contains(rule)) continue;
+    then[rule] = std::move(schema[rule]);
+    schema.erase(rule);
+  }
+  schema["if"] = {{"propertyNames", {{"enum", std::move(names)}}}};
+  schema["then"] = std::move(then);
+}
+
 template <class T>
 json segment_schema() {
   auto schema = json_schema<Entry<T>>();
@@ -72,12 +87,21 @@ json segment_schema() {
   schema["properties"]["kind"] = {{"const", T::kind}};
   schema["properties"]["label"]["maxLength"] = 200;
   relate(schema, T{});
+  bind_known_names(schema);
   return schema;
 }
 
+// A segment is checked as what its kind says alone, so what is wrong with it is told once.
 template <class... Kinds>
-json all_kinds(std::variant<Kinds...>*) {
-  return json::array({segment_schema<Kinds>()...});
+void add_kinds(json& definitions, std::variant<Kinds...>*) {
+  auto rules = json::array();
+  for (const auto kind : {Kinds::kind...})
+    rules.push_back(if_then("kind", kind, {{"$ref", "#/$defs/" + std::string(kind)}}));
+  definitions["segment"] = {{"type", "object"},
+                            {"required", {"kind"}},
+                            {"properties", {{"kind", {{"enum", {Kinds::kind...}}}}}},
+                            {"allOf", std::move(rules)}};
+  ((definitions[std::string(Kinds::kind)] = segment_schema<Kinds>()), ...);
 }
 
 }  // namespace
@@ -101,8 +125,9 @@ json protocol_schema() {
                               {"additionalProperties", {{"type", "number"}}}};
   properties["segments"] = {{"$ref", "#/$defs/segments"}};
   schema["$defs"] = {
-      {"segments", {{"type", "array"}, {"minItems", 1}, {"items", {{"$ref", "#/$defs/segment"}}}}},
-      {"segment", {{"oneOf", all_kinds(static_cast<Body*>(nullptr))}}}};
+      {"segments", {{"type", "array"}, {"minItems", 1}, {"items", {{"$ref", "#/$defs/segment"}}}}}};
+  add_kinds(schema["$defs"], static_cast<Body*>(nullptr));
+  bind_known_names(schema);
   return schema;
 }
 

@@ -72,5 +72,28 @@ TEST(PastJson, BelongsToAProtocol) {
   EXPECT_EQ(problems[0].path, "/past/levels");
 }
 
+TEST(PastLevels, AreAddedAndTakenAway) {
+  const VisitedLevel level{1e6, 1};
+  for (const auto kind : {PastKind::poled_plus, PastKind::poled_minus, PastKind::unpoled}) {
+    const auto on = and_then({kind}, {&level, 1});
+    EXPECT_EQ(on.kind, PastKind::visited);
+    EXPECT_EQ(on.levels, std::vector{level});
+    EXPECT_EQ(without_last_level(on), Past{kind});
+  }
+  const Past there{PastKind::visited, FirstState::unpoled, {{-1.5e6, 2}}};
+  EXPECT_EQ(without_last_level(and_then(there, {&level, 1})), there);
+  EXPECT_EQ(and_then(there, {}), there);
+  EXPECT_FALSE(and_then({PastKind::cycled}, {&level, 1}).known());
+  EXPECT_FALSE(and_then(there, std::vector(most_visited_levels, level)).known());
+}
+
+TEST(PastInWords, SaysFromWhichStateItBegan) {
+  EXPECT_EQ(in_words({PastKind::poled_minus}), "poled towards -");
+  EXPECT_EQ(in_words({PastKind::cycled, FirstState::unpoled}),
+            "unpoled, then cycled through the program until it repeated itself");
+  EXPECT_EQ(in_words({PastKind::visited, std::nullopt, {{-1.75e6, 1}, {0, 1}}}),
+            "poled towards +, then taken to -1.75 kV/mm");
+}
+
 }  // namespace
 }  // namespace ferrobench::protocols

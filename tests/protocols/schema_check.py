@@ -1,4 +1,6 @@
-"""Checks cases against a JSON Schema: {"schema": ..., "cases": [{"name", "document", "valid"}]} in the file given."""
+"""Checks cases against a JSON Schema: {"schema": ..., "cases": [{"name", "document", "valid"}]} in the file given.
+
+"problems" of a case: as many errors as the schema has to find, where an error inside a rule counts as one."""
 import json
 import sys
 
@@ -17,4 +19,8 @@ for case in given["cases"]:
         wrong += 1
         print(f"{case['name']}: the schema says {not case['valid']}, validate() says {case['valid']}")
         print("  ", json.dumps(case["document"])[:300])
+    errors = [error.message for error in validator.iter_errors(case["document"])]
+    if len(errors) != case.get("problems", len(errors)):
+        wrong += 1
+        print(f"{case['name']}: {len(errors)} errors: {errors}")
 sys.exit(1 if wrong else 0)

@@ -82,6 +82,10 @@ std::vector<json> documents() {
     out.back()["past"] = past;
   }
   const auto whole = one(hold);
+  out.push_back(whole);
+  out.back()["$schema"] = "https://example.org/protocol.schema.json";
+  out.push_back(whole);
+  out.back()["$schema"] = 5;
   for (const auto* key : {"format", "version", "name", "unit", "segments"}) {
     auto less = whole;
     less.erase(key);
@@ -107,6 +111,15 @@ bool beyond_a_schema(const Problem& problem) {
   return false;
 }
 
+// By a validator that is not ours.
+void check_with_schema(const json& cases) {
+  const auto path = testing::TempDir() + "protocol_schema_cases.json";
+  std::ofstream(path) << json{{"schema", protocol_schema()}, {"cases", cases}};
+  const std::string command =
+      std::string(FERROBENCH_PYTHON) + " " + FERROBENCH_SCHEMA_CHECK + " '" + path + "'";
+  EXPECT_EQ(std::system(command.c_str()), 0) << "needs python3-jsonschema; " << command;
+}
+
 TEST(Schema, AgreesWithValidate) {
   json cases = json::array();
   int good = 0, bad = 0;
@@ -123,20 +136,51 @@ TEST(Schema, AgreesWithValidate) {
   }
   EXPECT_GT(good, 40);
   EXPECT_GT(bad, 200);
-  const auto path = testing::TempDir() + "protocol_schema_cases.json";
-  std::ofstream(path) << json{{"schema", protocol_schema()}, {"cases", cases}};
-  const std::string command =
-      std::string(FERROBENCH_PYTHON) + " " + FERROBENCH_SCHEMA_CHECK + " '" + path + "'";
-  EXPECT_EQ(std::system(command.c_str()), 0) << "needs python3-jsonschema; " << command;
+  check_with_schema(cases);
+}
+
+// In a name, in a kind, in a value; at the top, in a segment, in a nested one: the schema and validate() both
+// tell of it once, and validate() names the place in the document as it was given.
+TEST(Schema, OneTypoIsOneProblem) {
+  const json hold = {{"kind", "hold"}, {"time", 1}};
+  const auto nested = [](json inner) {
+    return one({{"kind", "repeat"}, {"count", 2}, {"segments", json::array({std::move(inner)})}});
+  };
+  auto top = one(hold);
+  top["segmens"] = top["segments"];
+  top.erase("segments");
+  auto load = one(hold);
+  load["load"] = {{"prestress", 1}};
+  const std::vector<std::pair<json, std::string>> typos = {
+      {one({{"kind", "hold"}, {"tyme", 1}}), "/segments/0/tyme"},
+      {one({{"kind", "hodl"}, {"time", 1}}), "/segments/0/kind"},
+      {one({{"kind", "hold"}, {"time", "1"}}), "/segments/0/time"},
+      {one({{"kind", "ramp"}, {"to", 1}, {"rat", 1}}), "/segments/0/rat"},
+      {one({{"kind", "reversals"}, {"pionts", {1}}, {"rate", 1}}), "/segments/0/pionts"},
+      {nested({{"kind", "hold"}, {"tim", 1}}), "/segments/0/segments/0/tim"},
+      {top, "/segmens"},
+      {load, "/load/prestress"}};
+  json cases = json::array();
+  for (const auto& [document, place] : typos) {
+    const auto problems = validate(document);
+    ASSERT_EQ(problems.size(), 1u) << document
+                                   << (problems.size() > 1 ? problems[1].path + problems[1].message : "");
+    EXPECT_EQ(problems[0].path, place);
+    cases.push_back({{"name", place}, {"document", document}, {"valid", false}, {"problems", 1}});
+  }
+  check_with_schema(cases);
 }
 
 TEST(Schema, NamesEveryKindWithItsUnits) {
   const auto schema = protocol_schema();
   std::vector<std::string> kinds;
-  for (const auto& kind : schema["$defs"]["segment"]["oneOf"]) kinds.push_back(kind["title"]);
+  for (const auto& kind : schema["$defs"]["segment"]["properties"]["kind"]["enum"]) {
+    kinds.push_back(kind);
+    EXPECT_EQ(schema["$defs"][kinds.back()]["title"], kind);
+  }
   EXPECT_EQ(kinds, (std::vector<std::string>{"ramp", "hold", "repeat", "reversals", "triangle", "sine",
                                              "pund", "points"}));
-  EXPECT_EQ(schema["$defs"]["segment"]["oneOf"][0]["properties"]["rate"]["x-unit"], "kV/mm/s or V/s");
+  EXPECT_EQ(schema["$defs"]["ramp"]["properties"]["rate"]["x-unit"], "kV/mm/s or V/s");
 }
 
 }  // namespace
