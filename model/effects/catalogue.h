@@ -54,6 +54,7 @@ struct EffectParameter {
   bool above_zero = false;   // zero has no meaning
   bool off_at_infinity = false;
   LimitOf limit_of = LimitOf::nothing;
+  bool times_polarization = false;  // all that it does goes by its product with the remanent polarization
 };
 
 template <class T>

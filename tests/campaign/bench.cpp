@@ -1,6 +1,7 @@
 #include "tests/campaign/bench.h"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 
 #include "model/effects/catalogue.h"
@@ -43,12 +44,17 @@ struct Choice {
   std::vector<model::EffectParameter> parameters;
 };
 
+// In the catalogue since seeds were published. They may be named, and the twin has them, but they are not
+// drawn: a seed's benches would be others.
+constexpr std::array later{"mean_field_interaction"};
+
 // Those with a name: an empirical table is no cause that a bench could hide.
 const std::vector<model::Effect>& named_effects() {
   static const auto named = [] {
     std::vector<model::Effect> out;
-    std::ranges::copy_if(model::effect_catalogue(), std::back_inserter(out),
-                         [](const auto& e) { return !e.empirical; });
+    std::ranges::copy_if(model::effect_catalogue(), std::back_inserter(out), [](const auto& e) {
+      return !e.empirical && std::ranges::find(later, e.id) == later.end();
+    });
     return out;
   }();
   return named;

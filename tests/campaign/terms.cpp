@@ -22,6 +22,7 @@ Terms make_terms(const std::vector<model::EffectSetting>& effects, model::Model&
       {"internal_bias_field", [&](V v) { distributed(), poly.bias_field += v[0]; }},
       {"stress_stabilized_90", [&](V v) { t.stabilization = v[0]; }},
       {"domain_wall_drag", [&](V v) { t.drag = v[0]; }},
+      {"mean_field_interaction", [&](V v) { t.mean_field = v[0]; }},
       {"logarithmic_creep", [&](V v) { t.creep = v[0]; }},
       {"electrostriction", [&](V v) { t.electrostriction = v[0]; }},
       {"nonlinear_permittivity", [&](V v) { t.cubic_permittivity = v[0]; }},

@@ -15,7 +15,7 @@ struct Terms {
   double crossover_depth = 0, crossover_width = 1;
   double source_resistance = 0;
   // kinetics
-  double stabilization = 0, drag = 0, fatigue = 0;
+  double stabilization = 0, drag = 0, fatigue = 0, mean_field = 0;
   double warming = 0, asymmetry = 0;
   double barrier_exponent = 2;
   double inverse_freedom = 0;  // of Student's t, which spreads the domains; 0: the normal distribution

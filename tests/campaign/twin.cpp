@@ -223,11 +223,14 @@ class Player {
     const bool fast_ringing = ringing > 0 && h > ringing / 8;
     if (fast_ringing) stress = now_.settled_stress + stress_slope_ * h;
     const double first_stress = fast_ringing ? now_.settled_stress : now_.stress;
+    const double per_order = t.mean_field * mechanics_.model().material.remanent_polarization;
+    double order = now_.order();
     constexpr double early = 0.21132486540518713, late = 1 - early;
     for (int i = 0; i < 25; ++i) {
       const double e1 = resisted ? field.at() : to.monitor, drag = dragged ? field.at() : 0;
       const auto at = [&](double u) {
-        return LoadPoint{now_.field + (e1 - now_.field) * u + drag,
+        const double mean_field = per_order * (now_.order() + (order - now_.order()) * u);
+        return LoadPoint{now_.field + (e1 - now_.field) * u + drag + mean_field,
                          first_stress + (stress - first_stress) * u};
       };
       const auto mean = advance(law_, grains_, h, at(early), at(late));
@@ -237,12 +240,14 @@ class Player {
       mechanics_.settle(now_, to, h);
       const double reached = fast_ringing ? to.settled_stress : to.stress;
       const double stress_miss = per_stress() * std::abs(reached - stress);
-      double field_miss = 0;
+      double field_miss = per_field() * std::abs(per_order * (to.order() - order));
+      order = to.order();
       if (resisted || dragged) {
         const double g = resisted ? e1 - behind_resistance(to, h)
                                   : drag + t.drag * law_.polarization * (to.order() - now_.order()) / h;
-        field_miss = per_field() * std::abs(g);
-        if (field_miss > 0.005) field.learn(g, -g * (resisted ? 0.5 : 0.2));
+        const double miss = per_field() * std::abs(g);
+        field_miss = std::max(field_miss, miss);
+        if (miss > 0.005) field.learn(g, -g * (resisted ? 0.5 : 0.2));
       }
       if (stress_miss < 0.01 && field_miss <= 0.005) {
         if (per_stress() * std::abs(reached - first_stress) > 1 && h > 1e-9) return false;

@@ -20,6 +20,7 @@ TEST(EffectCatalogue, HoldsEveryEffectOfTheSpecification) {
                                         "internal_bias_field",
                                         "stress_stabilized_90",
                                         "domain_wall_drag",
+                                        "mean_field_interaction",
                                         "logarithmic_creep",
                                         "electrostriction",
                                         "nonlinear_permittivity",

@@ -103,6 +103,33 @@ TEST(LogarithmicCreep, HeldStrainCreepsByTheSumOfItsLags) {
   EXPECT_NEAR(out.displacement.back() / held - 1, sum, 1e-5);
 }
 
+// The specimen switches as one without the effect does in the field that its domains see.
+TEST(MeanFieldInteraction, IsTheBaseModelInTheFieldThatItsDomainsSee) {
+  auto m = free_crystal();
+  m.load.prestress = 0;
+  m.material.permittivity_90 = m.material.permittivity_180;
+  const double plates = static_cast<double>(m.actuator.layer_count) * m.actuator.area,
+               permittivity = m.material.permittivity_180;
+  for (const double coefficient : {-5e5, 1e6}) {
+    const Program p({{0, 0}, {0.1, -2e6}, {0.3, 2e6}, {0.4, 0}, {0.5, 0}}, 1e-4);
+    const auto out = run(with(m, "mean_field_interaction", {{"coefficient", coefficient}}), p);
+    // P_irr from the charge, which at the start is that of the specimen poled towards +.
+    const auto switched = [&](const Trajectory& t, const std::vector<double>& field, std::size_t i) {
+      return m.material.remanent_polarization + (t.charge[i] - t.charge[0]) / plates -
+             permittivity * (field[i] - field[0]);
+    };
+    auto seen = p;
+    std::vector<double> with_it, without;
+    for (std::size_t i = 0; i < p.time.size(); ++i) {
+      with_it.push_back(switched(out, p.field, i));
+      seen.field[i] += coefficient * with_it.back();
+    }
+    const auto base = run(m, seen);
+    for (std::size_t i = 0; i < p.time.size(); ++i) without.push_back(switched(base, seen.field, i));
+    EXPECT_LT(apart(with_it, without), 1e-3) << coefficient;
+  }
+}
+
 TEST(ViscoelasticCreep, NothingWithoutChangeOfStress) {
   const auto p = positive_hold();
   const auto base = run(free_crystal(), p);

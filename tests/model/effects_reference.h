@@ -94,10 +94,12 @@ class Reference {
     }
     return sum;
   }
-  // The field that the rates see: e = E - coefficient P_+ (x+ - x-)'(e).
+  // The field that the rates see: e = E + mean field - coefficient P_+ (x+ - x-)'(e).
   double seen_by_rates() const {
     const double drag = of("domain_wall_drag.coefficient") * saturation();
-    if (drag == 0) return field_ + empirical_.at("empirical_rate").beyond(0, 1, 0);
+    if (drag == 0)
+      return field_ + empirical_.at("empirical_rate").beyond(0, 1, 0) +
+             of("mean_field_interaction.coefficient") * m_.material.remanent_polarization * order();
     double low = field_ - 2 * drag / m_.material.relaxation_time, high = 2 * field_ - low;
     for (int i = 0; i < 50; ++i) {
       const double e = 0.5 * (low + high);

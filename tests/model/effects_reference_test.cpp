@@ -18,6 +18,7 @@ const std::vector<Case> cases{
     {"internal_bias_field", {{"field", -2e5}}},
     {"stress_stabilized_90", {{"coefficient", 2e-8}}},
     {"domain_wall_drag", {{"coefficient", 2e4}}},
+    {"mean_field_interaction", {{"coefficient", 1e6}}},
     {"logarithmic_creep", {{"fraction_per_decade", 0.05}}},
     {"electrostriction", {{"coefficient", 2e-16}}},
     {"nonlinear_permittivity", {{"coefficient", 1e-13}}},

@@ -15,6 +15,7 @@
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/discover.h"
 #include "model/inference/study/fit.h"
+#include "model/inference/study/model_error.h"
 #include "model/inference/study/validation.h"
 #include "model/simulator.h"
 #include "recordings/file/reader.h"
@@ -200,6 +201,28 @@ TEST(Discrepancy, NamesAWeakEffectBesideAStrongOne) {
   EXPECT_THAT(ids, testing::UnorderedElementsAre("charge_offset_current", "displacement_nonlinearity"));
 }
 
+// Recordings of 2 to 24 s tell the amplitude over the time constant of a relaxation of 1,000 s, and neither
+// alone.
+TEST(Discrepancy, NamesARelaxationMuchSlowerThanTheRecordings) {
+  auto bench = given();
+  bench.effects.push_back({"prestress_relaxation", {{"fraction", 0.2}, {"time_constant", 1000}}});
+  const auto found = discover(given(), measure(bench));
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  const auto& term = found.explanations.front().effects.front();
+  EXPECT_EQ(term.id, "prestress_relaxation");
+  EXPECT_NEAR(term.parameters[0].value / term.parameters[1].value, 2e-4, 2e-5);
+}
+
+// So far off that the recalibration by noise alone is stuck in another valley.
+TEST(Discrepancy, AParameterFarOffIsNoEffect) {
+  auto base = library_model("nec-single-crystal"), bench = base;
+  bench.polycrystal.bias_field += 1.2e5;
+  const auto found = discover(base, measure(bench));
+  EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
+  EXPECT_TRUE(found.added.empty());
+  EXPECT_NEAR(found.recalibrated.at("polycrystal.bias_field").to, bench.polycrystal.bias_field, 1e3);
+}
+
 // Without the spread of fields the recalibration goes to where the spread seems to be of no help.
 TEST(Discrepancy, NamesWhatTheParametersHadMadeUpFor) {
   auto base = given();
@@ -279,6 +302,12 @@ TEST(Discrepancy, AShareIsOfTheExcessAboveNoise) {
   EXPECT_DOUBLE_EQ(share_explained(before, after), 1 - (2 * 2.25 + 1 - 3) / (2 * 9 + 4 - 3.0));
   EXPECT_DOUBLE_EQ(share_explained(noise, noise), 0);
   EXPECT_DOUBLE_EQ(share_explained(after, before), 0);
+  // A channel whose noise was counted too high does not hide what another one misses.
+  const inference::Signals quiet{{{3, -3}, {0.1, 0.1, 0.1}}}, explained{{{1, -1}, {0.1, 0.1, 0.1}}};
+  EXPECT_DOUBLE_EQ(share_explained(quiet, explained), 1);
+  const std::vector<std::vector<inference::NoiseModel>> noise_of{{{.white = 1}, {.white = 1}}};
+  EXPECT_DOUBLE_EQ(inference::excess_beside_error(noise_of, quiet, {0}), 2 * 9 - 2);
+  EXPECT_DOUBLE_EQ(inference::excess_beside_error(noise_of, explained, {0}), 0);
 }
 
 // What a base model needs is too coarse for an explanation that spreads its domains widely.

@@ -11,6 +11,7 @@
 #include "model/inference/search/global_search.h"
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/least_squares.h"
+#include "model/inference/study/base_search.h"
 #include "model/inference/study/fit.h"
 #include "tests/model/ceramic.h"
 #include "tests/model/measured.h"
@@ -177,20 +178,38 @@ std::vector<recordings::Recording> loops_at_two_rates(const Model& truth) {
 }
 
 // With the groups of the truth the eliminated parameters come out as those of the truth, to what is left out.
+// So they do beside effects of the kinetics, whose coefficients are groups with the polarization.
 TEST(SeparableParameters, OfAFreeSpecimenAreFoundByLeastSquares) {
-  const auto truth = free_specimen_model();
-  const auto residuals = recording_residuals(loops_at_two_rates(truth));
-  const auto separable = residuals->separable(truth, default_free_parameters(truth));
-  ASSERT_NE(separable, nullptr);
-  const auto point = separable->at(separable->place(truth), {.simulation = coarse});
-  ASSERT_TRUE(point.has_value());
-  const auto& m = point->model.material;
-  EXPECT_NEAR(m.remanent_polarization, truth.material.remanent_polarization,
-              1e-2 * truth.material.remanent_polarization);
-  EXPECT_NEAR(m.piezoelectric_180, truth.material.piezoelectric_180, 2e-2 * truth.material.piezoelectric_180);
-  EXPECT_NEAR(m.remanent_strain_90, truth.material.remanent_strain_90,
-              2e-2 * -truth.material.remanent_strain_90);
-  EXPECT_LT(point->squares, 1);  // percent of the range, squared, of four channels
+  for (const auto& effects :
+       std::vector<std::vector<EffectSetting>>{{},
+                                               {{"mean_field_interaction", {{"coefficient", 8e5}}}},
+                                               {{"domain_wall_drag", {{"coefficient", 2e4}}}}}) {
+    auto truth = free_specimen_model();
+    truth.effects = effects;
+    const auto residuals = recording_residuals(loops_at_two_rates(truth));
+    const auto separable = residuals->separable(truth, default_free_parameters(truth));
+    ASSERT_NE(separable, nullptr);
+    const auto point = separable->at(separable->place(truth), {.simulation = coarse});
+    ASSERT_TRUE(point.has_value());
+    const auto& m = point->model.material;
+    EXPECT_NEAR(m.remanent_polarization, truth.material.remanent_polarization,
+                1e-2 * truth.material.remanent_polarization);
+    EXPECT_NEAR(m.piezoelectric_180, truth.material.piezoelectric_180,
+                2e-2 * truth.material.piezoelectric_180);
+    EXPECT_NEAR(m.remanent_strain_90, truth.material.remanent_strain_90,
+                2e-2 * -truth.material.remanent_strain_90);
+    EXPECT_LT(point->squares, 1);  // percent of the range, squared, of four channels
+    if (effects.empty()) continue;
+    const double value = effects.front().parameters.front().second;
+    EXPECT_NEAR(point->model.effects.front().parameters.front().second, value, 2e-2 * value);
+  }
+}
+
+TEST(SeparableParameters, DoNotExistBesideWhatChangesTheStrain) {
+  auto truth = free_specimen_model();
+  truth.effects = {{"electrostriction", {{"coefficient", 1e-16}}}};
+  const auto residuals = recording_residuals({measured_on(truth, loop(), coarse)});
+  EXPECT_EQ(residuals->separable(truth, default_free_parameters(truth)), nullptr);
 }
 
 // The features of the loops of a known specimen are those of that specimen, to the factor that they promise.
@@ -259,6 +278,56 @@ TEST(FitFromNothing, FindsTheLoops) {
       EXPECT_FALSE(p.determined) << p.free.path;
     }
   EXPECT_EQ(result.correlations.size(), options.free.size());
+}
+
+// A specimen whose domains feel a mean field, and a base that knows of none and whose constants are others.
+TEST(BaseSearch, FindsTheMeanFieldThatTheBaseLacks) {
+  auto truth = free_specimen_model();
+  truth.material.barrier *= 1.5;
+  truth.material.remanent_polarization = 0.35;
+  truth.effects = {{"mean_field_interaction", {{"coefficient", 2e6}}}};
+  auto loops = loops_at_two_rates(truth);
+  auto lower = loop();
+  for (auto& e : lower.field) e *= 0.6;
+  loops.push_back(measured_on(truth, lower, coarse));
+  loops.back().header.past = {protocols::PastKind::poled_plus};
+  std::vector<RecordingData> data;
+  for (auto& r : loops) {
+    data.push_back(prepare(std::move(r)));
+    for (auto& column : data.back().columns) column.error = 0.01 * column.range;
+  }
+  const auto found = inference::search_bases(
+      free_specimen_model(), {&find_effect("mean_field_interaction"), &find_effect("electrostriction")}, data,
+      {.threads = 2, .simulation = coarse, .tick = [](const std::string&, double) {}});
+  ASSERT_EQ(found.size(), 2U);  // the base alone, and with the one effect of the kinetics
+  EXPECT_EQ(found[0].effect, nullptr);
+  ASSERT_NE(found[1].effect, nullptr);
+  EXPECT_EQ(found[1].effect->id, "mean_field_interaction");
+  EXPECT_LT(found[1].squares, 0.2 * found[0].squares);
+  // What three loops tell of it: spreads of fields and stresses take up a part.
+  const double coefficient = get_parameter(found[1].model, "effects.mean_field_interaction.coefficient");
+  EXPECT_GT(coefficient, 1e6);
+  EXPECT_LT(coefficient, 4e6);
+}
+
+// Of three loops two are of one program; each column is counted by noise and model error.
+TEST(BaseSearch, SeesEachProgramOnce) {
+  const auto truth = free_specimen_model();
+  std::vector<NamedRecording> named;
+  auto loops = loops_at_two_rates(truth);
+  for (const std::size_t i : {0U, 1U, 0U})
+    named.push_back({"loop " + std::to_string(named.size()), loops[i]});
+  std::vector<RecordingData> data;
+  for (const auto& r : named) data.push_back(prepare(r.recording));
+  std::vector<std::string> warnings;
+  const auto bench = inference::prepare_bench(truth, named, 10000, warnings);
+  std::vector<std::vector<inference::NoiseModel>> errors;
+  for (const auto& b : bench)
+    errors.emplace_back(b.channels.size(), inference::NoiseModel{.white = 3, .model_error = 4});
+  const auto seen = inference::recordings_of_search(data, bench, errors, {0, 1, 2});
+  ASSERT_EQ(seen.size(), 2U);
+  EXPECT_EQ(seen[1].drive.time.back(), data[1].drive.time.back());
+  for (const auto& column : seen[0].columns) EXPECT_DOUBLE_EQ(column.error, 5);
 }
 
 // Three loops of a real ceramic at 0.01 to 1 Hz; ferrobench_fit_ceramic does the same from ten seeds.

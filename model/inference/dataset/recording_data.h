@@ -24,6 +24,7 @@ struct MeasuredColumn {
   std::vector<std::size_t> rows;  // of RecordingData::time where it was measured
   std::vector<double> value;      // SI, at those rows, less its mean
   double range = 0;               // largest less smallest value of the whole recording
+  double error = 0;               // what a miss is counted in, SI; 0: a hundredth of the range
 };
 
 struct RecordingData {

@@ -33,6 +33,16 @@ Eigen::VectorXd prior_mean(const Hypothesis& h) {
   return Eigen::VectorXd::Zero(static_cast<Eigen::Index>(h.parameters.size()));
 }
 
+Eigen::VectorXd carried_over(const Hypothesis& to, const Hypothesis& from, const Eigen::VectorXd& z) {
+  auto out = prior_mean(to);
+  for (std::size_t i = 0; i < to.parameters.size(); ++i) {
+    const auto found = std::ranges::find(from.parameters, to.parameters[i].path, &ScaledParameter::path);
+    if (found != from.parameters.end())
+      out[static_cast<Eigen::Index>(i)] = z[found - from.parameters.begin()];
+  }
+  return out;
+}
+
 Setting setting_at(const Hypothesis& h, const Eigen::VectorXd& z) {
   Setting out;
   std::vector<std::pair<std::string, double>> values;

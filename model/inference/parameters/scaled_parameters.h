@@ -41,6 +41,8 @@ struct Hypothesis {
 
 // Where nothing has moved.
 Eigen::VectorXd prior_mean(const Hypothesis& hypothesis);
+// Where `z` of `from` stands, in the parameters of `to`; those that it lacks stand at their prior mean.
+Eigen::VectorXd carried_over(const Hypothesis& to, const Hypothesis& from, const Eigen::VectorXd& z);
 
 struct Setting {
   Model model;

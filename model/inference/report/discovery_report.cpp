@@ -244,9 +244,12 @@ std::vector<Section> sections(const Discovery& d) {
     for (const auto& id : group) names.push_back(readable(id));
     rivals.lines.push_back("Not to be told apart with these recordings: " + list(names) + ".");
   }
-  if (d.next_experiment)
-    rivals.lines.push_back(fmt::format("To decide, run the protocol {}: expected odds {:.3g} : 1.",
-                                       d.next_experiment->protocol, d.next_experiment->expected_odds));
+  // Beyond a million the linear prediction and the noise's model decide, and the number says nothing.
+  constexpr double plenty = 1e6;
+  if (const auto& next = d.next_experiment)
+    rivals.lines.push_back(fmt::format("To decide, run the protocol {}: expected odds {}{:.3g} : 1.",
+                                       next->protocol, next->expected_odds > plenty ? "of more than " : "",
+                                       std::min(plenty, next->expected_odds)));
   if (!rivals.lines.empty()) out.push_back(rivals);
   if (auto lines = astonishing_moves(d); !lines.empty())
     out.push_back({"What moved beyond what was known of it", std::move(lines)});
@@ -314,21 +317,23 @@ recordings::Table asked_table(const Discovery& d) {
   return out;
 }
 
-std::string detectable_table(const Discovery& d) {
-  std::string out =
-      "<h2>Smallest size that would have been seen</h2>\n<div class=\"wide\"><table><tr><th>effect</th>"
-      "<th>parameter</th><th>size</th><th>unit</th></tr>\n";
+recordings::Table detectable_table(const Discovery& d) {
+  recordings::Table out{.key = "detectable",
+                        .title = "Smallest size that would have been seen",
+                        .columns = {{"effect", "effect", ""},
+                                    {"parameter", "parameter", ""},
+                                    {"size", "size", ""},
+                                    {"unit", "unit", ""}},
+                        .rows = {},
+                        .notes = {}};
   for (const auto& [id, parameters] : d.smallest_detectable)
     for (const auto& [name, value] : parameters) {
       std::string_view unit;
       for (const auto& p : find_effect(id).parameters)
         if (p.name == name) unit = p.unit;
-      out += fmt::format(
-          "<tr><td class=\"text\">{}</td><td class=\"text\">{}</td><td>{:.2g}</td><td "
-          "class=\"text\">{}</td></tr>\n",
-          readable(id), readable(name), value, escape_html(std::string(unit)));
+      out.rows.push_back({readable(id), readable(name), fmt::format("{:.2g}", value), std::string(unit)});
     }
-  return out + "</table></div>\n";
+  return out;
 }
 
 // Published cells; none if recordings were the bench.
@@ -389,7 +394,7 @@ std::string html_report(const Discovery& d) {
   for (const auto& table : cell_tables(d)) body += to_html(table);
   return recordings::html_frame(
       "What the model misses",
-      body + detectable_table(d) + to_html(health_table(d)) + to_html(asked_table(d)));
+      body + to_html(detectable_table(d)) + to_html(health_table(d)) + to_html(asked_table(d)));
 }
 
 }  // namespace ferrobench::model

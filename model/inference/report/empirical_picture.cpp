@@ -79,8 +79,8 @@ recordings::Figure picture_of_empirical(const EffectSetting& setting) {
   const auto fields = cycle(field_scale);
   const auto field_axis = picture_axis(recordings::Channel::field);
   recordings::Figure out{.title = "What " + setting.id + " adds along a slow cycle of the field",
-                         .x_label = "field / kV/mm",
-                         .y_label = "added field / kV/mm",
+                         .x_label = "field [kV/mm]",
+                         .y_label = "added field [kV/mm]",
                          .log_x = false,
                          .square = true,
                          .series = {}};
@@ -88,12 +88,12 @@ recordings::Figure picture_of_empirical(const EffectSetting& setting) {
   auto* terms = &ports.seen_by_rates;
   if (!ports.strain.empty()) {
     terms = &ports.strain;
-    out.y_label = "added strain / 1e-6";
+    out.y_label = "added strain [1e-6]";
     scale = 1e6;
   } else if (!ports.polarization.empty()) {
     terms = &ports.polarization;
-    out.y_label = "added polarization / uC/cm^2";
-    scale = 100;
+    out.y_label = "added polarization [C/m²]";
+    scale = 1;
   }
   constexpr double many_time_constants = 1e3;
   for (const auto& term : *terms)

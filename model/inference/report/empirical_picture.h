@@ -7,8 +7,8 @@
 
 namespace ferrobench::model {
 
-// `effect` is one of the model's empirical terms. Slow: lags are in equilibrium, and plays have gone round
+// `setting` is one of the model's empirical terms. Slow: lags are in equilibrium, and plays have gone round
 // once before. The drive knows nothing of fractions, and has one curve.
-recordings::Figure picture_of_empirical(const EffectSetting& effect);
+recordings::Figure picture_of_empirical(const EffectSetting& setting);
 
 }  // namespace ferrobench::model

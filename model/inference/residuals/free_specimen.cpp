@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "model/effects/catalogue.h"
 #include "model/on_recording.h"
 
 namespace ferrobench::model {
@@ -26,6 +27,21 @@ constexpr std::array grouped{"material.remanent_polarization",
 constexpr std::array plain{"material.relaxation_time", "polycrystal.barrier_log_std",
                            "polycrystal.interaction_field_std", "polycrystal.bias_field"};
 constexpr auto stress_spread = "polycrystal.interaction_stress_std";
+
+// Whether an effect changes what the rates see and nothing of what enters linearly.
+bool is_of_rates(const EffectSetting& setting) {
+  const auto& effect = find_effect(setting.id);
+  return effect.family == Family::kinetics && !effect.empirical;
+}
+// Parameters of effects that are searched, by path: those whose product with P is a group, and the others.
+std::vector<std::string> effect_paths(const Model& model, bool times_polarization) {
+  std::vector<std::string> out;
+  for (const auto& setting : model.effects)
+    for (const auto& p : find_effect(setting.id).parameters)
+      if (p.times_polarization == times_polarization)
+        out.push_back("effects." + setting.id + "." + std::string(p.name));
+  return out;
+}
 
 // |A x - b|^2 of two unknowns.
 struct Plane {
@@ -70,17 +86,23 @@ struct Range {
 
 // What the kinetics depend on (separable.h).
 struct Groups {
-  double volume = 0;   // V P, C m
-  double barrier = 0;  // barrier / P, V/m
-  double rho = 0;      // (kappa_180 - kappa_90) / P, m/V
-  double stress = 0;   // s_std |eps_90| / P, V/m
+  double volume = 0;           // V P, C m
+  double barrier = 0;          // barrier / P, V/m
+  double rho = 0;              // (kappa_180 - kappa_90) / P, m/V
+  double stress = 0;           // s_std |eps_90| / P, V/m
+  std::vector<double> fields;  // of effects, coefficient * P
 };
 
 Groups groups_of(const Model& model) {
   const auto& m = model.material;
   const double p = m.remanent_polarization;
-  return {m.activation_volume * p, m.barrier / p, (m.permittivity_180 - m.permittivity_90) / p,
-          model.polycrystal.interaction_stress_std * std::abs(m.remanent_strain_90) / p};
+  Groups out{m.activation_volume * p,
+             m.barrier / p,
+             (m.permittivity_180 - m.permittivity_90) / p,
+             model.polycrystal.interaction_stress_std * std::abs(m.remanent_strain_90) / p,
+             {}};
+  for (const auto& path : effect_paths(model, true)) out.fields.push_back(get_parameter(model, path) * p);
+  return out;
 }
 
 // Gives a model whose polarization and strain are set the groups of before, all but rho.
@@ -90,6 +112,9 @@ void set_groups(Model& model, const Groups& groups) {
   m.barrier = groups.barrier * m.remanent_polarization;
   model.polycrystal.interaction_stress_std =
       groups.stress * m.remanent_polarization / std::abs(m.remanent_strain_90);
+  const auto paths = effect_paths(model, true);
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    set_parameter(model, paths[i], groups.fields[i] / m.remanent_polarization);
 }
 
 class FreeSpecimen final : public Separable {
@@ -111,9 +136,17 @@ class FreeSpecimen final : public Separable {
     coordinates_.push_back({"rho", -highest, highest, false});
     if (ranges_.contains(stress_spread))
       coordinates_.push_back(scaled(stress_spread, std::abs(nominal_.material.remanent_strain_90) / p));
+    first_field_ = coordinates_.size();
+    for (const auto& path : effect_paths(base_, true)) {
+      const auto r = free_parameter(base_, path);
+      coordinates_.push_back({path, r.low * p, r.high * p, r.logarithmic});
+    }
     first_plain_ = coordinates_.size();
+    const auto shapes = effect_paths(base_, false);
     for (const auto& f : free)
-      if (std::ranges::find(plain, f.path) != plain.end()) coordinates_.push_back(f);
+      if (std::ranges::find(plain, f.path) != plain.end() ||
+          std::ranges::find(shapes, f.path) != shapes.end())
+        coordinates_.push_back(f);
   }
 
   std::size_t dimensions() const override { return coordinates_.size(); }
@@ -121,7 +154,8 @@ class FreeSpecimen final : public Separable {
   std::vector<double> place(const Model& m) const override {
     const auto g = groups_of(m);
     std::vector<double> values{g.volume, g.barrier, g.rho, g.stress};
-    values.resize(first_plain_);
+    values.resize(first_field_);
+    values.insert(values.end(), g.fields.begin(), g.fields.end());
     for (std::size_t i = first_plain_; i < coordinates_.size(); ++i)
       values.push_back(get_parameter(m, coordinates_[i].path));
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = to_unit(coordinates_[i], values[i]);
@@ -130,7 +164,8 @@ class FreeSpecimen final : public Separable {
 
   std::optional<Point> at(std::span<const double> unit, const Fidelity& fidelity) const override {
     const auto value = [&](std::size_t i) { return from_unit(coordinates_[i], unit[i]); };
-    const Groups groups{value(0), value(1), value(2), first_plain_ > 3 ? value(3) : 0};
+    Groups groups{value(0), value(1), value(2), first_field_ > 3 ? value(3) : 0, {}};
+    for (std::size_t i = first_field_; i < first_plain_; ++i) groups.fields.push_back(value(i));
     Model m = nominal_;
     for (std::size_t i = first_plain_; i < coordinates_.size(); ++i)
       set_parameter(m, coordinates_[i].path, value(i));
@@ -222,7 +257,7 @@ class FreeSpecimen final : public Separable {
   const std::vector<RecordingData>& data_;
   std::map<std::string, Range> ranges_;
   std::vector<FreeParameter> coordinates_;  // the groups, then what is searched as it is
-  std::size_t first_plain_ = 0;
+  std::size_t first_field_ = 0, first_plain_ = 0;
 };
 
 }  // namespace
@@ -232,8 +267,11 @@ std::unique_ptr<Separable> free_specimen(const Model& model, const std::vector<F
   const auto is_free = [&](std::string_view path) {
     return std::ranges::any_of(free, [&](const auto& p) { return p.path == path; });
   };
-  if (!model.effects.empty() || model.polycrystal.method == PolycrystalMethod::parametrized) return nullptr;
-  if (!std::ranges::all_of(grouped, is_free)) return nullptr;
+  if (!std::ranges::all_of(model.effects, is_of_rates) ||
+      model.polycrystal.method == PolycrystalMethod::parametrized)
+    return nullptr;
+  if (!std::ranges::all_of(grouped, is_free) || !std::ranges::all_of(effect_paths(model, true), is_free))
+    return nullptr;
   if (model.polycrystal.interaction_stress_std != 0 && !is_free(stress_spread)) return nullptr;
   if (std::ranges::any_of(data, [](const auto& d) { return d.header.load.spring_stiffness != 0; }))
     return nullptr;

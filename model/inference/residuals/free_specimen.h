@@ -8,8 +8,8 @@
 
 namespace ferrobench::model {
 
-// Null if a spring pushes, if the model has effects (some change what enters linearly), or if not all of the
-// parameters that go into the groups are free. `data` must outlive it.
+// Null if a spring pushes, if the model has effects that are not of the kinetics (some change what enters
+// linearly), or if not all of the parameters that go into the groups are free. `data` must outlive it.
 std::unique_ptr<Separable> free_specimen(const Model& model, const std::vector<FreeParameter>& free,
                                          const std::vector<RecordingData>& data);
 

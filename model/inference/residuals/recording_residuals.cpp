@@ -23,10 +23,8 @@ double mean_of(const std::vector<double>& values, const std::vector<std::size_t>
 
 class RecordingResiduals final : public ResidualModel {
  public:
-  explicit RecordingResiduals(std::vector<recordings::Recording> given) {
-    for (auto& r : given) {
-      data_.push_back(prepare(std::move(r)));
-      const auto& d = data_.back();
+  explicit RecordingResiduals(std::vector<RecordingData> given) : data_(std::move(given)) {
+    for (const auto& d : data_) {
       for (const auto& column : d.columns) {
         parts_.push_back({d.header.title + ", " + std::string(recordings::channel_name(column.channel)),
                           size_, column.rows.size()});
@@ -136,8 +134,15 @@ class RecordingResiduals final : public ResidualModel {
 
 }  // namespace
 
-std::unique_ptr<ResidualModel> recording_residuals(std::vector<recordings::Recording> recordings) {
+std::unique_ptr<ResidualModel> recording_residuals(std::vector<RecordingData> recordings) {
   return std::make_unique<RecordingResiduals>(std::move(recordings));
+}
+
+std::unique_ptr<ResidualModel> recording_residuals(std::vector<recordings::Recording> recordings) {
+  std::vector<RecordingData> data;
+  data.reserve(recordings.size());
+  for (auto& r : recordings) data.push_back(prepare(std::move(r)));
+  return recording_residuals(std::move(data));
 }
 
 }  // namespace ferrobench::model

@@ -99,6 +99,7 @@ class ResidualModel {
 // estimate, the mean. Each recording is simulated with its own load and specimen, under its command (its
 // field if there is none).
 std::unique_ptr<ResidualModel> recording_residuals(std::vector<recordings::Recording> recordings);
+std::unique_ptr<ResidualModel> recording_residuals(std::vector<RecordingData> recordings);
 
 // Published tables, fitted together: the logarithm of each cell's ratio over how well the cell is known, and
 // that creep changes with the prestress in the direction that was published. `parameters` override those of

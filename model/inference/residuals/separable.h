@@ -6,6 +6,7 @@
 //
 //   V P,   barrier / P,   s_std |eps_90| / P,   rho = (kappa_180 - kappa_90) / P
 //
+// and c P of an effect by which the rates see a field c times the polarization or its rate,
 // with P = P_r the remanent polarization, V the activation volume and s_std the spread of interaction
 // stresses (4.16 to 4.24: a driving force over kT). With the fractions known,
 //

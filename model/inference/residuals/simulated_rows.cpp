@@ -28,7 +28,8 @@ const std::vector<double>& SimulatedRows::slopes_at(Channel channel) const {
 }
 
 double residual_scale(const MeasuredColumn& column) {
-  return 100 / (column.range * std::sqrt(static_cast<double>(column.rows.size())));
+  const double unit = column.error > 0 ? column.error : 0.01 * column.range;
+  return 1 / (unit * std::sqrt(static_cast<double>(column.rows.size())));
 }
 
 std::optional<SimulatedRows> simulate_recorded(const Model& model, const RecordingData& data,

@@ -27,7 +27,8 @@ std::optional<SimulatedRows> simulate_recorded(const Model& model, const Recordi
                                                std::span<const std::string> parameters = {},
                                                const protocols::Past* past = nullptr);
 
-// Times a difference in SI: percent of the range, over the root of the number of rows.
+// Times a difference in SI: percent of the range, or MeasuredColumn::error, over the root of the number of
+// rows.
 double residual_scale(const MeasuredColumn& column);
 
 }  // namespace ferrobench::model

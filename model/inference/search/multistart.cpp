@@ -24,7 +24,7 @@ Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, co
   std::normal_distribution<double> normal;
   SolverOptions solver{.iterations = 20, .enough = 5, .tick = {}};
   solver.tick = [&] { options.tick("recalibrating the model", 0.03); };
-  Fit best = minimize(coarse, base, prior_mean(base), solver);
+  Fit best = minimize(coarse, base, options.start.size() > 0 ? options.start : prior_mean(base), solver);
   if (options.is_enough && options.is_enough(best)) return {std::move(best), 1, 0, true};
   const double first = best.squares;
   double least = std::numeric_limits<double>::infinity();

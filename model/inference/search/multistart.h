@@ -1,5 +1,5 @@
-// The base model recalibrated from the given values and from other starts, drawn from the prior, since the
-// posterior may have several minima.
+// The base model recalibrated from a start and from others, drawn from the prior, since the posterior may
+// have several minima.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,11 @@
 namespace ferrobench::model::inference {
 
 struct MultistartOptions {
-  std::uint64_t seed = 1;  // of the other starts
+  std::uint64_t seed = 1;   // of the other starts
+  Eigen::VectorXd start{};  // the first one, scaled; empty: the given values
   // Called once the base model stands roughly; changes the residuals (it marginalizes uncertain drives).
   std::function<void(const Fit&)> roughly_fitted{};
-  // Asked of the fit from the given values: true ends it there, with no other starts. Null: never.
+  // Asked of the fit from the first start: true ends it there, with no other starts. Null: never.
   std::function<bool(const Fit&)> is_enough{};
   std::function<void(const std::string& stage, double fraction)> tick;
 };

@@ -25,4 +25,15 @@ std::vector<double> leave_one_out_squares(const WhitenedRecordings& residuals, c
   return out;
 }
 
+LeaveOneOut compare_left_out(const WhitenedRecordings& residuals, const std::vector<double>& without,
+                             const Fit& with) {
+  LeaveOneOut out{.recordings = without.size()};
+  const auto squares = leave_one_out_squares(residuals, with);
+  for (std::size_t i = 0; i < without.size(); ++i) {
+    out.gain += without[i] - squares[i];
+    out.better += squares[i] < without[i] ? 1 : 0;
+  }
+  return out;
+}
+
 }  // namespace ferrobench::model::inference

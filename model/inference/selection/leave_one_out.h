@@ -8,11 +8,16 @@
 #include <vector>
 
 #include "model/inference/residuals/whitened_recordings.h"
+#include "model/inference/selection/explanation.h"
 #include "model/inference/solver/gauss_newton.h"
 
 namespace ferrobench::model::inference {
 
 // Sums of squares of the residuals, by position in residuals.chosen().
 std::vector<double> leave_one_out_squares(const WhitenedRecordings& residuals, const Fit& fit);
+
+// How a fit does on each that is left out, beside one whose squares are `without`.
+LeaveOneOut compare_left_out(const WhitenedRecordings& residuals, const std::vector<double>& without,
+                             const Fit& with);
 
 }  // namespace ferrobench::model::inference

@@ -27,22 +27,31 @@ double logistic(double x) {
   return 1 / (1 + std::exp(-x));
 }
 
-// Calls visit(effect, which of its parameters, parameter, z, half of the 90 % interval of z).
+// Half of the 90 % intervals of a scaled parameter; 0 where a trial was only begun and has no slopes.
+struct Reach {
+  double all = 0;       // whatever else may move
+  double at_shape = 0;  // of an amplitude, the effect's other parameters held
+};
+
+// Calls visit(effect, which of its parameters, parameter, z, reach).
 template <class Visit>
 void for_each_parameter(const Trial& trial, const SelectionOptions& options, Visit&& visit) {
-  const auto& h = trial.fit.hypothesis;
-  // A trial that was only begun has no slopes.
-  const bool known = trial.fit.jacobian.cols() == trial.fit.z.size();
-  const Eigen::MatrixXd covariance = known ? Eigen::MatrixXd(trial.fit.normal().inverse())
-                                           : Eigen::MatrixXd::Zero(trial.fit.z.size(), trial.fit.z.size());
-  const double scale = interval_90 * interval_inflation(trial.fit, options);
-  std::size_t i = h.base_count;
-  for (const auto* effect : trial.effects)
-    for (std::size_t which = 0; which < effect->parameters.size(); ++which, ++i) {
-      const auto k = static_cast<Eigen::Index>(i);
-      visit(*effect, which, h.parameters[i], trial.fit.z[k],
-            scale * std::sqrt(std::max(0.0, covariance(k, k))));
-    }
+  const auto& fit = trial.fit;
+  const bool known = fit.jacobian.cols() == fit.z.size();
+  const Eigen::MatrixXd covariance =
+      known ? Eigen::MatrixXd(fit.normal().inverse()) : Eigen::MatrixXd::Zero(fit.z.size(), fit.z.size());
+  const double scale = interval_90 * interval_inflation(fit, options);
+  auto k = static_cast<Eigen::Index>(fit.hypothesis.base_count);
+  for (const auto* effect : trial.effects) {
+    const auto count = std::ssize(effect->parameters);
+    const Eigen::MatrixXd own = covariance.block(k, k, count, count);
+    // The variance of one number given others is one over its element of the inverse.
+    const double precision = known ? own.inverse()(0, 0) : 0;
+    const double at_shape = precision > 0 ? scale / std::sqrt(precision) : 0;
+    for (std::size_t which = 0; which < effect->parameters.size(); ++which, ++k)
+      visit(*effect, which, fit.hypothesis.parameters[static_cast<std::size_t>(k)], fit.z[k],
+            Reach{scale * std::sqrt(std::max(0.0, covariance(k, k))), which == 0 ? at_shape : 0});
+  }
 }
 
 // By how much the sum of squares rises where each amplitude is held to its plausible range, by the quadratic
@@ -52,11 +61,11 @@ double cost_of_plausible(const Trial& trial, const SelectionOptions& options) {
   double cost = 0;
   for_each_parameter(
       trial, options,
-      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, double reach) {
+      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reach) {
         if (which != 0) return;
         const auto& p = effect.parameters[which];
         const double value = std::abs(c.value(z)), nearest = std::clamp(value, p.low / about, p.high * about),
-                     deviation = reach * std::abs(c.slope(z)) /
+                     deviation = reach.all * std::abs(c.slope(z)) /
                                  (interval_90 * interval_inflation(trial.fit, options));
         if (value != nearest) cost += std::pow((value - nearest) / deviation, 2);
       });
@@ -221,9 +230,10 @@ std::vector<EffectEstimate> effect_estimates(const Trial& trial, const Selection
   std::vector<EffectEstimate> out;
   for_each_parameter(
       trial, options,
-      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, double reach) {
+      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reach) {
         if (which == 0) out.push_back({.id = std::string(effect.id), .parameters = {}});
-        const double a = c.value(std::max(c.low, z - reach)), b = c.value(std::min(c.high, z + reach));
+        const double a = c.value(std::max(c.low, z - reach.all)),
+                     b = c.value(std::min(c.high, z + reach.all));
         out.back().parameters.push_back(
             {std::string(effect.parameters[which].name), c.value(z), std::min(a, b), std::max(a, b)});
       });
@@ -235,16 +245,21 @@ bool is_believable(const Trial& trial, const SelectionOptions& options) {
   bool out = true;
   for_each_parameter(
       trial, options,
-      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, double reach) {
+      [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reaches) {
         const auto& p = effect.parameters[which];
         const double value = std::abs(c.value(z));
         if (which == 0) {
+          // Whether an effect is there is asked at its shape: of a relaxation much slower than the recordings
+          // only amplitude over time constant is determined, and the amplitude's own interval reaches zero
+          // however surely something relaxes.
+          const double reach = reaches.at_shape;
           out = out && value > p.low / about && value < p.high * about;
           // On a logarithmic scale nothing ever vanishes; there an interval that is as wide as the value and
           // reaches the weak end counts as reaching nothing.
           const bool to_the_end = (p.off_at_infinity ? z + reach >= c.high : z - reach <= c.low);
           if (reach * std::abs(c.slope(z)) >= value && (!c.logarithmic || to_the_end)) out = false;
         } else {
+          const double reach = reaches.all;
           const double a = std::abs(c.value(std::max(c.low, z - reach))),
                        b = std::abs(c.value(std::min(c.high, z + reach)));
           out = out && std::min(a, b) < p.high * about && std::max(a, b) > p.low / about;

@@ -40,8 +40,9 @@ double interval_inflation(const Fit& fit, const SelectionOptions& options);
 // 90 % intervals of the parameters of a trial's effects.
 std::vector<EffectEstimate> effect_estimates(const Trial& trial, const SelectionOptions& options);
 
-// Whether each effect of a trial is of a plausible size and shape, and is more than nothing: its interval
-// does not reach to where the effect vanishes. An effect that is not is never added, however well it fits.
+// Whether each effect of a trial is of a plausible size and shape, and is more than nothing: at its shape,
+// the interval of its amplitude does not reach to where the effect vanishes. An effect that is not is never
+// added, however well it fits.
 bool is_believable(const Trial& trial, const SelectionOptions& options);
 
 }  // namespace ferrobench::model::inference

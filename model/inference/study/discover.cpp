@@ -87,20 +87,27 @@ void set_pasts(Session& s, const std::vector<protocols::Past>& pasts) {
     if (s.out.pasts[i].chosen) s.bench[i].header.past = s.out.pasts[i].past = pasts[i];
 }
 
-// What narrowing a gap needs to know of this bench.
-ImprovementTask improvement_task(Session& s, const SimulationOptions& fine) {
-  ImprovementTask out{.bench = &s.bench,
-                      .noise = &s.noise,
-                      .train = s.train,
-                      .held_out = s.held_out,
-                      .candidates = s.candidates,
-                      .tables = s.tables,
-                      .simulation = fine,
-                      .threads = s.threads,
-                      .selection = s.options.selection,
-                      .floor = s.options.floor,
-                      .tick = [&s](const std::string& stage, double f) { s.tick(stage, 0.91 + 0.04 * f); }};
+// What narrowing a gap needs to know of this bench; `begun` of the whole is done before.
+ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, double begun) {
+  ImprovementTask out{
+      .bench = &s.bench,
+      .noise = &s.noise,
+      .train = s.train,
+      .held_out = s.held_out,
+      .candidates = s.candidates,
+      .tables = s.tables,
+      .simulation = fine,
+      .threads = s.threads,
+      .selection = s.options.selection,
+      .floor = s.options.floor,
+      .tick = [&s, begun](const std::string& stage, double f) { s.tick(stage, begun + (0.95 - begun) * f); }};
   out.presumed_past = s.presumed_past;
+  out.search_bases = [&s, fine](const Model& base, const std::vector<std::vector<NoiseModel>>& errors,
+                                const SearchTick& search_tick) {
+    return search_bases(
+        base, s.candidates, recordings_of_search(s.data, s.bench, errors, s.train),
+        {.seed = s.options.seed, .threads = s.threads, .simulation = fine, .tick = search_tick});
+  };
   if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return out;
   out.choose_pasts = [&s](const Model& m) { return choose_pasts_again(m, s); };
   out.set_pasts = [&s](const std::vector<protocols::Past>& pasts) { set_pasts(s, pasts); };
@@ -147,17 +154,6 @@ std::string names_of(const Session& s, const std::set<std::size_t>& recordings) 
   return out;
 }
 
-LeaveOneOut leave_one_out(const WhitenedRecordings& coarse, const std::vector<double>& base,
-                          const Fit& with) {
-  LeaveOneOut out{.recordings = base.size()};
-  const auto squares = leave_one_out_squares(coarse, with);
-  for (std::size_t i = 0; i < base.size(); ++i) {
-    out.gain += base[i] - squares[i];
-    out.better += squares[i] < base[i] ? 1 : 0;
-  }
-  return out;
-}
-
 // Residual and slopes where a fit stands, by noise alone.
 void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
   fit.fidelity_correction.resize(0);
@@ -181,7 +177,7 @@ class Inquiry {
   std::set<std::size_t> run() {
     s_.tick("choosing how finely to simulate", 0.01);
     s_.out.health.numerical_error_over_noise = choose_fidelities(coarse_, fine_, base_, most_domains);
-    found_ = ask(true);
+    found_ = ask(true, {});
     if (found_.gross) improve_gross();
     summarize(found_, s_.options.selection, s_.out);
     before_ = found_.base;
@@ -200,12 +196,13 @@ class Inquiry {
     return out;
   }
 
-  // With what was learned of the fidelities so far.
-  WorkflowResult ask(bool unless_gross) {
+  // With what was learned of the fidelities so far. Recalibrates from `start`, or from the given values.
+  WorkflowResult ask(bool unless_gross, Eigen::VectorXd start) {
     return run_workflow(
         coarse_, fine_, base_,
         {.candidates = s_.candidates,
          .seed = s_.options.seed,
+         .start = std::move(start),
          .most_domains = most_domains,
          .selection = s_.options.selection,
          .roughly_fitted =
@@ -221,11 +218,15 @@ class Inquiry {
   }
 
   void improve_gross() {
-    improved_ = improve(base_, prior_mean(base_), improvement_task(s_, fine_.simulation()));
-    // Was it one large effect, and no physics that is off? Then noise alone is the measure after all.
-    if (!improved_->named || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
-    auto again = ask(false);
-    if (again.best == nullptr) return;
+    improved_ = improve(base_, prior_mean(base_), improvement_task(s_, fine_.simulation(), 0.05));
+    if (is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
+    // Was it a large effect, or a valley of the base's parameters that noise alone did not lead out of, and
+    // no physics that is off? Then noise alone is the measure after all.
+    const bool base_alone = improved_->added.empty();
+    if (!base_alone && std::ranges::all_of(improved_->added, &AddedTerm::empirical)) return;
+    auto again =
+        ask(false, base_alone ? carried_over(base_, improved_->hypothesis, improved_->z) : Eigen::VectorXd{});
+    if (again.best == nullptr && !base_alone) return;
     found_ = std::move(again);
     improved_.reset();
   }
@@ -237,7 +238,7 @@ class Inquiry {
     if (s_.train.size() > 1 && !out.explanations.empty()) {
       const auto without = leave_one_out_squares(coarse_, before_);
       for (std::size_t i = 0; i < out.explanations.size(); ++i)
-        out.explanations[i].leave_one_out = leave_one_out(coarse_, without, trials[i].first->fit);
+        out.explanations[i].leave_one_out = compare_left_out(coarse_, without, trials[i].first->fit);
     }
     if (out.verdict != Verdict::ambiguous || trials.size() < 2) return;
     s_.tick("looking for the experiment that would decide", 0.91);
@@ -250,7 +251,7 @@ class Inquiry {
     if (s_.out.verdict == Verdict::nothing_missing || found_.selection.sufficient ||
         !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor))
       return;
-    auto task = improvement_task(s_, fine_.simulation());
+    auto task = improvement_task(s_, fine_.simulation(), 0.91);
     task.named = s_.out.added;
     auto improved = improve(after_.hypothesis, after_.z, task);
     if (improved.added.size() > task.named.size()) improved_ = std::move(improved);
@@ -269,6 +270,8 @@ class Inquiry {
       stand_at(coarse_, before_);
       if (improved_->named) summarize_named(*improved_, s_.options.selection, out);
     }
+    if (improved_->searched)
+      out.health.warnings.emplace_back("The whole range of the base model's parameters was searched again.");
     const bool tables = std::ranges::any_of(out.added, &AddedTerm::empirical);
     out.improved =
         model_at(after_, !improved_->named ? "Recalibrated, with terms that narrow a gap that has no name."

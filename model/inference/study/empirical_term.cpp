@@ -1,6 +1,7 @@
 #include "model/inference/study/empirical_term.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -9,6 +10,10 @@ namespace {
 
 constexpr double share_of_field = 0.05;
 constexpr double farthest_weight = 12;  // in prior standard deviations
+constexpr int width_rounds = 3;         // of the fixed point: it moves little after two
+// Places of the time constant that are tried, between ten samples and the longest recording, of the
+// logarithm.
+constexpr std::array decades{0.25, 0.5, 0.75};
 
 double largest_error(recordings::Channel channel, const std::vector<BenchRecording>& bench,
                      const std::vector<std::size_t>& chosen,
@@ -69,6 +74,57 @@ Hypothesis with_empirical(const Hypothesis& h, const Effect& term, const std::ve
   }
   out.model.effects.push_back(std::move(setting));
   return out;
+}
+
+TriedTerm fit_empirical(const WhitenedRecordings& residuals, const Fit& without, const Effect& term,
+                        std::vector<double> fixed,
+                        const std::function<double(const Fit&)>& log_likelihood_ratio,
+                        const SolverOptions& solver) {
+  TriedTerm best{.term = &term, .fit = {}};
+  const auto log_determinant = [](const Fit& f) {
+    const Eigen::LDLT<Eigen::MatrixXd> factor(f.normal());
+    return factor.vectorD().array().max(1e-300).log().sum();
+  };
+  const double determinant_without = log_determinant(without);
+  const auto solve = [&](double width, const Eigen::VectorXd& from) {
+    const auto hypothesis = with_empirical(without.hypothesis, term, fixed, width);
+    Eigen::VectorXd z = prior_mean(hypothesis);
+    z.head(from.size()) = from;
+    auto f = minimize(residuals, hypothesis, z, solver, &without);
+    if (!f.fresh) refresh_jacobian(residuals, f);
+    return f;
+  };
+  const auto keep = [&](Fit f) {
+    const double evidence = log_likelihood_ratio(f) - (log_determinant(f) - determinant_without);
+    if (evidence <= best.evidence) return false;
+    best.fit = std::move(f);
+    best.evidence = evidence;
+    return true;
+  };
+  if (term.parameters[fixed.size()].unit == "s") {
+    const auto [shortest, longest] = residuals.times();
+    fixed.push_back(0);
+    double kept = 0;
+    for (const double place : decades) {
+      fixed.back() = 10 * shortest * std::pow(longest / (10 * shortest), place);
+      if (keep(solve(1, without.z))) kept = fixed.back();
+    }
+    fixed.back() = kept;
+  } else {
+    keep(solve(1, without.z));
+  }
+  if (!std::isfinite(best.evidence)) return best;
+  const auto known = without.z.size();
+  double width = 1;
+  for (int i = 0; i < width_rounds; ++i) {
+    const auto weights = best.fit.z.tail(best.fit.z.size() - known);
+    const Eigen::MatrixXd covariance = best.fit.normal().inverse();
+    const double undetermined = covariance.diagonal().tail(weights.size()).sum(),
+                 determined = static_cast<double>(weights.size()) - undetermined;
+    width *= std::clamp(std::sqrt(weights.squaredNorm() / std::max(0.1, determined)), 0.1, 10.0);
+    if (!keep(solve(width, best.fit.z.head(known)))) break;
+  }
+  return best;
 }
 
 void trust_instruments(Hypothesis& h, Eigen::VectorXd& z) {

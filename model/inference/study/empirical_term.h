@@ -1,11 +1,15 @@
-// A data-driven term (model/effects/empirical.h) as a hypothesis: which numbers of it are held, and what is
-// known of the others.
+// A data-driven term (model/effects/empirical.h) as a hypothesis: which numbers of it are held, what is known
+// of the others, and its fit.
 #pragma once
 
+#include <functional>
+#include <limits>
 #include <vector>
 
 #include "model/inference/observation/noise.h"
 #include "model/inference/parameters/scaled_parameters.h"
+#include "model/inference/residuals/whitened_recordings.h"
+#include "model/inference/solver/gauss_newton.h"
 
 namespace ferrobench::model::inference {
 
@@ -25,6 +29,20 @@ double term_amplitude(const Effect& term, const Model& model, const std::vector<
 // prior of the standard deviation `width`.
 Hypothesis with_empirical(const Hypothesis& hypothesis, const Effect& term, const std::vector<double>& fixed,
                           double width);
+
+struct TriedTerm {
+  const Effect* term = nullptr;
+  Fit fit;
+  double evidence = -std::numeric_limits<double>::infinity();  // 2 ln of the marginal likelihood ratio
+};
+
+// The term beside a fit, its first numbers held at `fixed`. The time constant, if it has one, is chosen by a
+// grid, the width of the weights by the fixed point of the marginal likelihood (D. J. C. MacKay, Neural
+// Comput. 4 (1992) 415). `log_likelihood_ratio` is twice that of a fit over the one without the term.
+TriedTerm fit_empirical(const WhitenedRecordings& residuals, const Fit& without, const Effect& term,
+                        std::vector<double> fixed,
+                        const std::function<double(const Fit&)>& log_likelihood_ratio,
+                        const SolverOptions& solver);
 
 // Takes gains and offsets out of what may move. They are no part of a model that is handed on, and beside a
 // model's own error nobody can tell that an instrument is off: then they are as stated.

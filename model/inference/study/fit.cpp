@@ -8,9 +8,8 @@
 #include <span>
 #include <tuple>
 
-#include "model/inference/residuals/separable.h"
 #include "model/inference/search/features.h"
-#include "model/inference/search/global_search.h"
+#include "model/inference/search/global_start.h"
 #include "model/inference/search/pasts.h"
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/least_squares.h"
@@ -19,8 +18,6 @@
 namespace ferrobench::model {
 namespace {
 
-// What a global search sees where a model cannot be simulated.
-constexpr double unsolvable = 1e9;
 // Steps of least squares from each start before the best are chosen.
 constexpr int first_steps = 5;
 // Before anything is known of the specimen.
@@ -209,35 +206,17 @@ class Study {
 
   FitCandidate search(const std::shared_ptr<const ResidualModel>& residuals, std::uint64_t seed,
                       const std::vector<Model>& models) {
-    GlobalSearchOptions options;
-    options.seed = seed;
-    const auto finite = [](double value) { return std::isfinite(value) ? value : unsolvable; };
-    if (const auto separable = residuals->separable(start_, options_.free)) {
-      for (const auto& m : models) options.places.push_back(separable->place(m));
-      const auto found = global_search(
-          separable->dimensions(),
-          [&](std::span<const double> unit) {
-            watch_.count();
-            const auto point = separable->at(unit, coarse_);
-            return point ? finite(point->squares) : unsolvable;
-          },
-          options);
-      const auto point = separable->at(found.at, coarse_);
-      return point ? evaluate({residuals, unit_of(point->model)}, coarse_) : FitCandidate{};
-    }
-    // Nothing is eliminated: there are more dimensions to learn.
-    options.generations *= 2;
-    for (const auto& m : models) options.places.push_back(unit_of(m));
-    const auto found = global_search(
-        given_.size(),
-        [&](std::span<const double> unit) {
-          auto c = evaluate({residuals, {unit.begin(), unit.end()}}, coarse_);
-          const double value = finite(c.squares);
-          watch_.keep(std::move(c));
-          return value;
-        },
-        options);
-    return evaluate({residuals, found.at}, coarse_);
+    const auto found = global_start(start_, *residuals,
+                                    {.free = options_.free,
+                                     .fidelity = coarse_,
+                                     .first = models,
+                                     .seed = seed,
+                                     .count = [this] { watch_.count(); },
+                                     .better =
+                                         [&](const Model& m, double squares) {
+                                           watch_.keep({residuals, unit_of(m), squares});
+                                         }});
+    return found ? evaluate({residuals, unit_of(*found)}, coarse_) : FitCandidate{};
   }
 
   // Pasts that searches begin with, in turn: the likeliest and, as these were chosen before anything is known
@@ -254,8 +233,7 @@ class Study {
     const auto pasts = first_pasts(given, models);
     const auto searches = static_cast<std::size_t>(options_.starts - 1);
     std::vector<FitCandidate> found(searches);
-    const int once = GlobalSearchOptions{}.population * GlobalSearchOptions{}.generations;
-    watch_.stage("searching", 0, 0.4, static_cast<int>(searches) * once);
+    watch_.stage("searching", 0, 0.4, static_cast<int>(searches) * most_simulations_of_a_global_start());
     tbb::parallel_for(std::size_t{0}, searches, [&](std::size_t i) {
       found[i] = search(pasts[i % pasts.size()], options_.seed * 1000 + i, models);
     });

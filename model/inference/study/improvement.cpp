@@ -14,6 +14,7 @@
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/empirical_term.h"
 #include "model/inference/study/model_error.h"
+#include "model/inference/study/workflow.h"
 
 namespace ferrobench::model::inference {
 namespace {
@@ -24,6 +25,8 @@ constexpr double least_gain = 10;
 // better than a table, and moves parameters that it has nothing to do with; a table has to hold.
 constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
 constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
+// Of the time, where a search of the base's whole range is made: about so much of it.
+constexpr double share_of_search = 0.7;
 // Rounds in which fit and error are made to agree with each other; both move little after two.
 constexpr int settling_rounds = 2;
 
@@ -32,14 +35,21 @@ struct Place {
   Eigen::VectorXd z;
 };
 
-// Of effects by twice the logarithm of their likelihoods; most probable first.
-std::vector<std::pair<const Effect*, double>> probabilities(const std::vector<std::pair<double, Fit>>& tried,
-                                                            const std::vector<const Effect*>& effects) {
+// An effect beside the base, fitted.
+struct TriedEffect {
+  const Effect* effect = nullptr;
+  double gained = 0;  // 2 ln of the likelihood ratio, less what its numbers cost
+  Place place;
+  std::vector<protocols::Past> pasts{};  // of the bench; empty: those that stand
+};
+
+// Most probable first.
+std::vector<std::pair<const Effect*, double>> probabilities(const std::vector<TriedEffect>& tried) {
   std::vector<std::pair<const Effect*, double>> out;
   double sum = 0, best = -std::numeric_limits<double>::infinity();
-  for (const auto& t : tried) best = std::max(best, t.first);
-  for (std::size_t i = 0; i < tried.size(); ++i) {
-    out.emplace_back(effects[i], std::exp(0.5 * (tried[i].first - best)));
+  for (const auto& t : tried) best = std::max(best, t.gained);
+  for (const auto& t : tried) {
+    out.emplace_back(t.effect, std::exp(0.5 * (t.gained - best)));
     sum += out.back().second;
   }
   for (auto& [effect, probability] : out) probability /= sum;
@@ -61,16 +71,26 @@ class Improver {
     out_.added = task_.named;
     if (out_.added.empty()) name(at);
     out_.named = !out_.added.empty();
-    if (!out_.named) narrow(at);
+    if (!out_.named)
+      narrow(at);
+    else if (material_)
+      fit_without_instruments(at);
     add_tables(at);
     if (!task_.presumed_past && !out_.named && !out_.added.empty() && other_pasts(at)) settle(at);
-    tell_values(at);
+    estimate_terms(fit_, at.hypothesis, at.z, out_.added);
     out_.hypothesis = std::move(at.hypothesis);
     out_.z = std::move(at.z);
     return std::move(out_);
   }
 
  private:
+  // What a term takes away, on recordings that were learned from and on those that were locked.
+  struct Trial {
+    Signals learned, locked;
+    double share = 0, share_held_out = 0;
+    double least() const { return std::min(share, share_held_out); }
+  };
+
   void name(Place& at) {
     auto remaining = task_.candidates;
     demanded_ = task_.selection.material_share;
@@ -89,12 +109,86 @@ class Improver {
     out_.base = fit_;
     auto remaining = task_.candidates;
     demanded_ = least_share_of_effect;
-    while (out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
+    search_again(at, remaining);
+    while (!out_.named && out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
     }
   }
 
+  // From the whole range of the base's parameters. A better base alone takes its place; an effect beside it
+  // is named if it takes as much as one that is found otherwise.
+  void search_again(Place& at, std::vector<const Effect*>& remaining) {
+    if (!task_.search_bases || !material_) return;
+    const auto found = task_.search_bases(
+        setting_at(at.hypothesis, at.z).model, noise_,
+        [&](const std::string& stage, double f) { task_.tick(stage, share_of_search * f); });
+    if (!found.empty()) searched_ = share_of_search;
+    std::vector<TriedEffect> tried;
+    auto before = pasts();
+    for (const auto& searched : found) {
+      Place next = place_of(searched, at);
+      const auto trial = fit_to_all(next);
+      if (trial && searched.effect != nullptr) {
+        const double gained =
+            log_likelihood_ratio_beside_error(noise_, learned_, trial->learned, task_.train) -
+            bic_penalty({searched.effect}, residuals_->samples());
+        tried.push_back({searched.effect, gained, std::move(next), pasts()});
+      } else if (trial && trial->least() >= demanded_) {
+        out_.searched = true;
+        at = std::move(next);
+        for (int i = 0; i < settling_rounds; ++i) settle(at);
+        out_.base = fit_;
+        before = pasts();
+      }
+      if (task_.set_pasts) task_.set_pasts(before);
+    }
+    if (tried.empty()) return;
+    auto rivals = probabilities(tried);
+    const auto best = std::ranges::max_element(tried, {}, &TriedEffect::gained);
+    if (task_.set_pasts) task_.set_pasts(best->pasts);
+    if (!accept(at, std::move(best->place), best->effect)) {
+      if (task_.set_pasts) task_.set_pasts(before);
+      return;
+    }
+    std::erase(remaining, best->effect);
+    out_.searched = true;
+    const auto& added = out_.added.back();
+    out_.named = std::min(*added.share, added.share_held_out.value_or(1)) >= task_.selection.material_share;
+    if (out_.named) out_.rivals = std::move(rivals);
+  }
+
+  // From where a search ended, to all recordings that are learned from, under the pasts that are likeliest
+  // for it. Empty where the model cannot be simulated in one of them: the search saw some.
+  std::optional<Trial> fit_to_all(Place& at) const {
+    try {
+      for (int i = 0; i < settling_rounds; ++i) {
+        if (!other_pasts(at) && i > 0) break;
+        at.z = minimize(*residuals_, at.hypothesis, at.z, solver(8, "fitting what the search found")).z;
+      }
+      return weigh(at);
+    } catch (const Error& failure) {
+      if (failure.code() != ErrorCode::numerical) throw;
+      return std::nullopt;
+    }
+  }
+
+  // Where a search ended, with the instruments as they stand.
+  Place place_of(const SearchedBase& searched, const Place& at) const {
+    auto base = searched.model;
+    std::vector<double> values;
+    if (searched.effect != nullptr) {
+      for (const auto& [name, value] : base.effects.back().parameters) values.push_back(value);
+      base.effects.pop_back();
+    }
+    Place out{base_hypothesis(base, *task_.bench), {}};
+    out.z = prior_mean(out.hypothesis);
+    trust_instruments(out.hypothesis, out.z);
+    out.hypothesis.reach = at.hypothesis.reach;
+    if (searched.effect != nullptr) out.hypothesis = with_effect(out.hypothesis, *searched.effect, values);
+    out.z = prior_mean(out.hypothesis);
+    return out;
+  }
+
   void add_tables(Place& at) {
-    if (out_.named && material_) fit_without_instruments(at);
     demanded_ = least_share_of_table;
     auto ports = task_.tables;
     while (material_ && add_empirical(at, ports)) {
@@ -103,7 +197,7 @@ class Improver {
 
   void tick(const std::string& stage) const {
     const double done = static_cast<double>(out_.added.size()) / (most_effects + 1);
-    task_.tick(stage, done);
+    task_.tick(stage, searched_ + (1 - searched_) * done);
   }
   SolverOptions solver(int iterations, const std::string& stage) const {
     return {.iterations = iterations, .enough = 0.1, .tick = [this, stage] { tick(stage); }};
@@ -186,8 +280,7 @@ class Improver {
         screen(*residuals_, fit_, {.effects = remaining, .rounds = 4, .tick = [this](double) {
                                      tick("trying every effect beside the model's error");
                                    }});
-    std::vector<std::pair<double, Fit>> tried;
-    std::vector<const Effect*> effects;
+    std::vector<TriedEffect> tried;
     for (const auto& s : screened) {
       if (tried.size() == refits || s.values.empty() || s.drop < least_gain) break;
       const auto hypothesis = with_effect(at.hypothesis, *s.effect, s.values);
@@ -196,97 +289,37 @@ class Improver {
       auto f =
           minimize(*residuals_, hypothesis, z, solver(8, "refitting " + std::string(s.effect->id)), &fit_);
       const double gained = log_likelihood_ratio(f) - bic_penalty({s.effect}, residuals_->samples());
-      tried.emplace_back(gained, std::move(f));
-      effects.push_back(s.effect);
+      tried.push_back({s.effect, gained, {std::move(f.hypothesis), std::move(f.z)}});
     }
-    auto rivals = probabilities(tried, effects);
+    auto rivals = probabilities(tried);
     while (!tried.empty()) {
-      const auto best = std::ranges::max_element(tried, {}, [](const auto& t) { return t.first; });
-      const auto which = best - tried.begin();
-      if (best->first < least_gain) return false;
-      Place next{best->second.hypothesis, best->second.z};
-      const auto* effect = effects[static_cast<std::size_t>(which)];
-      std::erase(remaining, effect);
-      if (accept(at, std::move(next), effect)) {
+      const auto best = std::ranges::max_element(tried, {}, &TriedEffect::gained);
+      if (best->gained < least_gain) return false;
+      std::erase(remaining, best->effect);
+      if (accept(at, std::move(best->place), best->effect)) {
         out_.rivals = std::move(rivals);
         return true;
       }
       if (demanded_ == task_.selection.material_share) return false;
       tried.erase(best);
-      effects.erase(effects.begin() + which);
     }
     return false;
   }
 
-  // 2 ln of the marginal likelihood over that without the term.
-  double evidence(const Fit& with) const {
-    const auto log_determinant = [](const Fit& f) {
-      const Eigen::LDLT<Eigen::MatrixXd> factor(f.normal());
-      return factor.vectorD().array().max(1e-300).log().sum();
-    };
-    return log_likelihood_ratio(with) - (log_determinant(with) - log_determinant(fit_));
-  }
-
-  struct Tried {
-    const Effect* term = nullptr;
-    Fit fit;
-    double evidence = -std::numeric_limits<double>::infinity();
-  };
-
-  // The term at one port: the time constant by a grid, then the width of the weights by the fixed point of
-  // the marginal likelihood (D. J. C. MacKay, Neural Comput. 4 (1992) 415).
-  Tried fit_empirical(const Place& at, const Effect& term) const {
-    Tried best{.term = &term, .fit = {}};
-    const double amplitude = term_amplitude(term, fit_.hypothesis.model, *task_.bench, task_.train, noise_);
-    if (amplitude <= 0) return best;
-    const bool remembers = term.parameters[2].unit == "s";
-    const auto solve = [&](const std::vector<double>& fixed, double width, const Eigen::VectorXd& from) {
-      const auto hypothesis = with_empirical(at.hypothesis, term, fixed, width);
-      Eigen::VectorXd z = prior_mean(hypothesis);
-      z.head(from.size()) = from;
-      auto f = minimize(*residuals_, hypothesis, z, solver(6, "fitting " + std::string(term.id)), &fit_);
-      if (!f.fresh) refresh_jacobian(*residuals_, f);
-      return f;
-    };
-    const auto keep = [&](Fit f) {
-      const double e = evidence(f);
-      if (e <= best.evidence) return false;
-      best.fit = std::move(f);
-      best.evidence = e;
-      return true;
-    };
-    std::vector<double> fixed{amplitude, largest_field(*task_.bench)};
-    const auto [shortest, longest] = residuals_->times();
-    if (remembers) {
-      fixed.push_back(0);
-      double kept = 0;
-      for (const double decades : {0.25, 0.5, 0.75}) {
-        fixed.back() = 10 * shortest * std::pow(longest / (10 * shortest), decades);
-        if (keep(solve(fixed, 1, at.z))) kept = fixed.back();
-      }
-      fixed.back() = kept;
-    } else {
-      keep(solve(fixed, 1, at.z));
-    }
-    if (!std::isfinite(best.evidence)) return best;
-    double width = 1;
-    for (int i = 0; i < width_rounds; ++i) {
-      const auto weights = best.fit.z.tail(best.fit.z.size() - at.z.size());
-      const Eigen::MatrixXd covariance = best.fit.normal().inverse();
-      const double undetermined = covariance.diagonal().tail(weights.size()).sum(),
-                   determined = static_cast<double>(weights.size()) - undetermined;
-      width *= std::clamp(std::sqrt(weights.squaredNorm() / std::max(0.1, determined)), 0.1, 10.0);
-      if (!keep(solve(fixed, width, best.fit.z.head(at.z.size())))) break;
-    }
-    return best;
-  }
-
   // The term at the port where the model becomes likeliest, if it holds on the locked recordings.
   bool add_empirical(Place& at, std::vector<const Effect*>& ports) {
-    std::vector<Tried> tried;
-    tried.reserve(ports.size());
-    for (const auto* term : ports) tried.push_back(fit_empirical(at, *term));
-    std::ranges::stable_sort(tried, std::greater<>(), &Tried::evidence);
+    const double scale = largest_field(*task_.bench);
+    std::vector<TriedTerm> tried;
+    for (const auto* term : ports) {
+      const double amplitude =
+          term_amplitude(*term, fit_.hypothesis.model, *task_.bench, task_.train, noise_);
+      if (amplitude > 0)
+        tried.push_back(fit_empirical(
+            *residuals_, fit_, *term, {amplitude, scale},
+            [this](const Fit& with) { return log_likelihood_ratio(with); },
+            solver(6, "fitting " + std::string(term->id))));
+    }
+    std::ranges::stable_sort(tried, std::greater<>(), &TriedTerm::evidence);
     for (auto& t : tried) {
       if (t.evidence < least_gain) return false;
       std::erase(ports, t.term);
@@ -294,13 +327,6 @@ class Improver {
     }
     return false;
   }
-
-  // What a term takes away, on recordings that were learned from and on those that were locked.
-  struct Trial {
-    Signals learned, locked;
-    double share = 0, share_held_out = 0;
-    double least() const { return std::min(share, share_held_out); }
-  };
 
   Trial weigh(const Place& next) const {
     const auto share_of = [&](const Signals& before, const Signals& after,
@@ -312,10 +338,8 @@ class Improver {
     out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
     // What does not show in the locked recordings cannot be proved there; it must not come to show there
     // either.
-    const auto shows = [&](const Signals& standardized) {
-      return mean_square(standardized) > 1 + task_.selection.lack_of_fit;
-    };
-    if (!task_.held_out.empty() && (shows(locked_) || shows(out.locked)))
+    const auto& how = task_.selection;
+    if (!task_.held_out.empty() && (shows(locked_, how) || shows(out.locked, how)))
       out.share_held_out = share_of(locked_, out.locked, task_.held_out);
     return out;
   }
@@ -342,31 +366,6 @@ class Improver {
     return true;
   }
 
-  // Values of the added terms with 90 % intervals; what was held fixed has none.
-  void tell_values(const Place& at) {
-    const Eigen::MatrixXd covariance = fit_.normal().inverse();
-    const auto& moved = at.hypothesis.parameters;
-    for (auto& added : out_.added) {
-      const auto& effect = find_effect(added.term.id);
-      added.term.parameters.clear();
-      for (const auto& p : effect.parameters) {
-        const auto path = "effects." + added.term.id + "." + std::string(p.name);
-        const double value = get_parameter(setting_at(at.hypothesis, at.z).model, path);
-        EffectEstimate::Parameter told{std::string(p.name), value, value, value};
-        const auto c = std::ranges::find(moved, path, &ScaledParameter::path);
-        if (c != moved.end()) {
-          const auto k = static_cast<Eigen::Index>(c - moved.begin());
-          const double reach = interval_90 * std::sqrt(std::max(0.0, covariance(k, k)));
-          std::tie(told.low, told.high) = std::minmax<double>(
-              {c->value(std::max(c->low, at.z[k] - reach)), c->value(std::min(c->high, at.z[k] + reach))});
-        }
-        added.term.parameters.push_back(std::move(told));
-      }
-    }
-  }
-
-  static constexpr int width_rounds = 3;
-
   const ImprovementTask& task_;
   std::vector<std::vector<NoiseModel>> noise_;  // with the model's error
   SimulationOptions simulation_ = task_.simulation, coarse_ = task_.simulation;
@@ -375,6 +374,7 @@ class Improver {
   Fit fit_;
   Signals learned_, locked_;
   bool material_ = false;
+  double searched_ = 0;  // share of the time that the search took
   double demanded_ = 1;  // share that a term has to take away, on both sides
   Improvement out_;
 };

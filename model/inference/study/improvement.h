@@ -10,6 +10,10 @@
 //
 //   n ln(s_0 / s_k) - k ln(n) > least_gain
 //
+// Where no effect does, the whole range of the base's parameters is searched again, alone and beside each
+// effect of the kinetics (study/base_search.h), and the best of these is treated like an effect that was
+// found.
+//
 // Effects of the catalogue come first, then data-driven terms (model/effects/empirical.h) at the port where
 // they gain most; the weights of these have a normal prior, whose width, and the time constant of their
 // memory, are those of the largest marginal likelihood (Laplace's approximation).
@@ -18,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "model/inference/study/base_search.h"
 #include "model/inference/study/validation.h"
 
 namespace ferrobench::model::inference {
@@ -37,6 +42,11 @@ struct ImprovementTask {
   // the bench. Null: none is to be chosen.
   std::function<std::vector<protocols::Past>(const Model&)> choose_pasts{};
   std::function<void(const std::vector<protocols::Past>&)> set_pasts{};
+  // Searches the whole range of a base model's parameters again (study/base_search.h), where misses count by
+  // these errors. Null: that is not done.
+  std::function<std::vector<SearchedBase>(const Model&, const std::vector<std::vector<NoiseModel>>& errors,
+                                          const SearchTick&)>
+      search_bases{};
   bool presumed_past =
       true;  // poled towards + has been presumed; only what a table brings may speak against it
   std::function<void(const std::string& stage, double fraction)> tick;
@@ -50,6 +60,7 @@ struct Improvement {
   // Whether the terms are named, and then: effects that were tried in the place of the last one, itself among
   // them, with their probabilities if it is one of these, most probable first.
   bool named = false;
+  bool searched = false;  // the base's parameters are those of a search of their whole range
   std::vector<std::pair<const Effect*, double>> rivals;
 };
 

@@ -27,14 +27,10 @@ void estimate_model_errors(const std::vector<BenchRecording>& bench, const Signa
       auto& n = noise[recordings[i]][c];
       const auto& m = bench[recordings[i]].channels[c];
       std::vector<double> rows;
-      double squares = 0;
-      for (const double e : standardized[i][c]) {
-        if (std::isnan(e)) continue;
-        rows.push_back(e);
-        squares += e * e - 1;
-      }
+      for (const double e : standardized[i][c])
+        if (!std::isnan(e)) rows.push_back(e);
       const auto count = std::max<double>(1, static_cast<double>(rows.size()));
-      n.model_error = n.std() * std::sqrt(std::max(0.0, squares) / count);
+      n.model_error = n.std() * std::sqrt(excess_squares(rows) / count);
       n.rows_as_one = std::max(1.0, along_a_loop * correlated_rows(Eigen::Map<const Eigen::VectorXd>(
                                                        rows.data(), std::ssize(rows))));
       of_range[m.channel].push_back(n.model_error / m.range);
@@ -54,9 +50,26 @@ double excess_beside_error(const std::vector<std::vector<NoiseModel>>& noise, co
   for (std::size_t i = 0; i < recordings.size(); ++i)
     for (std::size_t c = 0; c < standardized[i].size(); ++c) {
       const auto& n = noise[recordings[i]][c];
-      const double weight = 1 / (1 + std::pow(n.model_error / n.std(), 2));
-      for (const double e : standardized[i][c])
-        if (!std::isnan(e)) out += (e * e - 1) * weight;
+      out += excess_squares(standardized[i][c]) / (1 + std::pow(n.model_error / n.std(), 2));
+    }
+  return out;
+}
+
+double log_likelihood_ratio_beside_error(const std::vector<std::vector<NoiseModel>>& noise,
+                                         const Signals& before, const Signals& with,
+                                         const std::vector<std::size_t>& recordings) {
+  double out = 0;
+  for (std::size_t i = 0; i < recordings.size(); ++i)
+    for (std::size_t c = 0; c < with[i].size(); ++c) {
+      double squares_before = 0, squares_with = 0, rows = 0;
+      for (std::size_t k = 0; k < with[i][c].size(); ++k) {
+        if (std::isnan(with[i][c][k])) continue;
+        squares_before += before[i][c][k] * before[i][c][k];
+        squares_with += with[i][c][k] * with[i][c][k];
+        ++rows;
+      }
+      if (rows > 0)
+        out += rows / noise[recordings[i]][c].rows_as_one * std::log(squares_before / squares_with);
     }
   return out;
 }

@@ -18,9 +18,15 @@ void estimate_model_errors(const std::vector<BenchRecording>& bench, const Signa
                            const std::vector<std::size_t>& recordings,
                            std::vector<std::vector<NoiseModel>>& noise);
 
-// Sum of squares above the noise's, over the variance of noise and model error together.
+// Sum of squares above the noise's (excess_squares), over the variance of noise and model error together.
 double excess_beside_error(const std::vector<std::vector<NoiseModel>>& noise, const Signals& standardized,
                            const std::vector<std::size_t>& recordings);
+
+// Twice the logarithm of the likelihood ratio of two models by their misses, each error at its own estimate:
+// the sum over channels of recordings of n ln(squares before / squares with), n their independent rows.
+double log_likelihood_ratio_beside_error(const std::vector<std::vector<NoiseModel>>& noise,
+                                         const Signals& before, const Signals& with,
+                                         const std::vector<std::size_t>& recordings);
 
 // Whether the error is more than the share `floor` of a channel's range in any of `recordings`.
 bool is_error_material(const std::vector<BenchRecording>& bench,

@@ -23,11 +23,9 @@ struct Squares {
   double mean() const { return sum / static_cast<double>(count); }
 };
 
-Squares squares_of(const Signals& standardized) {
+Squares squares_of(const std::vector<double>& channel) {
   Squares out;
-  for (const auto& recording : standardized)
-    for (const auto& channel : recording)
-      for (const double e : channel) out.add(e);
+  for (const double e : channel) out.add(e);
   return out;
 }
 
@@ -121,15 +119,26 @@ bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothes
                              [&](const auto& l) { return l.second.model_error > floor; });
 }
 
-double mean_square(const Signals& standardized) {
+double excess_squares(const std::vector<double>& standardized) {
   const auto squares = squares_of(standardized);
-  return squares.count > 0 ? squares.mean() : 0;
+  return std::max(0.0, squares.sum - static_cast<double>(squares.count));
+}
+
+bool shows(const Signals& standardized, const SelectionOptions& options) {
+  return std::ranges::any_of(standardized, [&](const auto& recording) {
+    return std::ranges::any_of(recording, [&](const auto& channel) {
+      const auto squares = squares_of(channel);
+      return squares.count > 0 && squares.mean() > 1 + options.lack_of_fit;
+    });
+  });
 }
 
 double share_explained(const Signals& before, const Signals& after) {
   const auto excess = [](const Signals& standardized) {
-    const auto squares = squares_of(standardized);
-    return squares.sum - static_cast<double>(squares.count);
+    double out = 0;
+    for (const auto& recording : standardized)
+      for (const auto& channel : recording) out += excess_squares(channel);
+    return out;
   };
   const double was = excess(before), is = excess(after);
   return was > 0 ? std::clamp(1 - is / was, 0.0, 1.0) : 0;
@@ -139,11 +148,7 @@ std::set<std::size_t> unexplained(const WhitenedRecordings& residuals, const Sig
                                   const SelectionOptions& options) {
   std::set<std::size_t> out;
   for (std::size_t i = 0; i < standardized.size(); ++i)
-    for (const auto& channel : standardized[i]) {
-      Squares squares;
-      for (const double e : channel) squares.add(e);
-      if (squares.count > 0 && squares.mean() > 1 + options.lack_of_fit) out.insert(residuals.chosen()[i]);
-    }
+    if (shows({standardized[i]}, options)) out.insert(residuals.chosen()[i]);
   return out;
 }
 

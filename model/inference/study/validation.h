@@ -39,8 +39,12 @@ bool is_gross(const WhitenedRecordings& residuals, const Hypothesis& hypothesis,
 // Whether the model's own error is more than this share of a channel's range anywhere.
 bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
                  double floor);
-// Over all rows.
-double mean_square(const Signals& standardized);
+// The sum of squares above the noise's, of one channel of one recording; none where noise is enough. Each
+// channel is asked for itself: a noise that was counted too high in one must not hide what is missed in
+// another.
+double excess_squares(const std::vector<double>& standardized);
+// Whether more than noise is in any channel.
+bool shows(const Signals& standardized, const SelectionOptions& options);
 // The share of the excess before that is gone after, 0 to 1; 0 where there was none.
 double share_explained(const Signals& before, const Signals& after);
 // By recording, channel and class of segment; worst first.

@@ -5,9 +5,12 @@
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <tuple>
 
+#include "model/inference/parameters/parameters.h"
 #include "model/inference/search/multistart.h"
 #include "model/inference/selection/forward_selection.h"
+#include "model/inference/solver/covariance.h"
 #include "recordings/format/iso_time.h"
 
 namespace ferrobench::model::inference {
@@ -79,6 +82,29 @@ Model model_at(const Fit& fit, const std::string& note) {
   return out;
 }
 
+void estimate_terms(const Fit& fit, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                    std::vector<AddedTerm>& added) {
+  const Eigen::MatrixXd covariance = fit.normal().inverse();
+  const auto& moved = hypothesis.parameters;
+  const auto model = setting_at(hypothesis, z).model;
+  for (auto& a : added) {
+    a.term.parameters.clear();
+    for (const auto& p : find_effect(a.term.id).parameters) {
+      const auto path = "effects." + a.term.id + "." + std::string(p.name);
+      const double value = get_parameter(model, path);
+      EffectEstimate::Parameter told{std::string(p.name), value, value, value};
+      const auto c = std::ranges::find(moved, path, &ScaledParameter::path);
+      if (c != moved.end()) {
+        const auto k = static_cast<Eigen::Index>(c - moved.begin());
+        const double reach = interval_90 * std::sqrt(std::max(0.0, covariance(k, k)));
+        std::tie(told.low, told.high) = std::minmax<double>(
+            {c->value(std::max(c->low, z[k] - reach)), c->value(std::min(c->high, z[k] + reach))});
+      }
+      a.term.parameters.push_back(std::move(told));
+    }
+  }
+}
+
 int threads_of(const DiscoverOptions& options) {
   return options.threads > 0 ? options.threads
                              : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -136,6 +162,7 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
   out.samples = coarse.samples();
   auto recalibrated = fit_base(coarse, fine, base,
                                {.seed = options.seed,
+                                .start = options.start,
                                 .roughly_fitted = options.roughly_fitted,
                                 .is_enough = options.is_gross,
                                 .tick = options.tick});

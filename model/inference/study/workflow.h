@@ -31,7 +31,8 @@ Asked asked_of(const Model& base, const DiscoverOptions& options);
 struct WorkflowOptions {
   std::vector<const Effect*> candidates;
   std::uint64_t seed = 1;
-  int most_domains = 0;  // of the fine simulation
+  Eigen::VectorXd start{};  // of the recalibration, scaled; empty: the given values
+  int most_domains = 0;     // of the fine simulation
   SelectionOptions selection;
   // Called once the base model stands roughly; changes the residuals.
   std::function<void(const Fit&)> roughly_fitted;
@@ -63,6 +64,9 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
 std::map<std::string, Recalibration> recalibrations(const Fit& fit, const SelectionOptions& options);
 // The model of a fit, with this remark.
 Model model_at(const Fit& fit, const std::string& note);
+// Values of added terms with 90 % intervals, where a fit stands; what was held fixed has none.
+void estimate_terms(const Fit& fit, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                    std::vector<AddedTerm>& added);
 // Fills in what the workflow says of effects, parameters and models.
 void summarize(const WorkflowResult& found, const SelectionOptions& options, Discovery& out);
 // Verdict and explanations of an improvement that looked for names itself and found some.
