@@ -41,6 +41,7 @@ void add_fit(CLI::App& app, Common& common);
 void add_discover(CLI::App& app, Common& common);
 void add_protocol(CLI::App& app, Common& common);
 void add_model(CLI::App& app, Common& common);
+void add_effects(CLI::App& app, Common& common);
 void add_call(CLI::App& app, Common& common);
 void add_export(CLI::App& app, Common& common);
 void add_import(CLI::App& app, Common& common);

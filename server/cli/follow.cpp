@@ -21,7 +21,11 @@ recordings::Existing demand_free(const std::string& file, bool replace,
     throw Error(
         ErrorCode::busy, "this recording is being written",
         Problem{
-            .path = "/out", .given = file, .hint = "wait for the end of its run, or choose another name"});
+            .path = "/out",
+            .given = file,
+            .hint =
+                "wait for the end of its run (after its command was killed, until its output is at zero), "
+                "or choose another name"});
   if (!replace && server::Store::is_taken(file))
     throw Error(ErrorCode::io_error, "the file is there already",
                 Problem{.path = "/out", .given = file, .hint = "choose another name, or add --force"});

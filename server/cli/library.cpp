@@ -82,6 +82,22 @@ int preview(const Options& o, const Common& common) {
                            {{"name", "limit_exceeded"}, {"problems", p.at("problems")}});
 }
 
+int print_effects(const json& effects) {
+  for (const auto& e : effects) {
+    const auto text = [&e](const char* key) { return e.at(key).get<std::string>(); };
+    std::printf("%s (%s%s)\n  %s\n  shows: %s\n", text("id").c_str(), text("family").c_str(),
+                e.at("empirical").get<bool>() ? ", empirical: never a candidate" : "",
+                text("equation").c_str(), text("shows").c_str());
+    for (const auto& p : e.at("parameters")) {
+      const auto sign = p.at("sign").get<std::string>();
+      std::printf("  %-20s %-14s %.4g to %.4g%s\n", p.at("name").get<std::string>().c_str(),
+                  p.at("unit").get<std::string>().c_str(), p.at("low").get<double>(),
+                  p.at("high").get<double>(), sign == "any" ? ", either sign" : "");
+    }
+  }
+  return exit_ok;
+}
+
 CLI::App* add(CLI::App* parent, const std::string& name, const std::string& help,
               const std::shared_ptr<Options>& o, Common& common,
               const std::function<int(const Options&, const Common&)>& action) {
@@ -143,6 +159,29 @@ void add_model(CLI::App& app, Common& common) {
       ->required();
   add(sub, "schema", "JSON Schema of a model file", o, common,
       [](const Options&, const Common& c) { return print(Link(c).call("model.schema")); });
+}
+
+void add_effects(CLI::App& app, Common& common) {
+  struct Choice {
+    std::string effect{};
+    bool as_json = false;
+  };
+  auto* sub = app.add_subcommand(
+      "effects", "The catalogue: what a model may hold beside its physics, and what discover can name");
+  sub->footer(
+      "Of each effect: its equation, where it shows, and its parameters with unit and plausible range.\n"
+      "Examples:\n"
+      "  ferrobench effects\n"
+      "  ferrobench effects domain_wall_drag --json");
+  auto o = std::make_shared<Choice>();
+  sub->add_option("EFFECT", o->effect, "id of one; default: all");
+  sub->add_flag("--json", o->as_json, "as model.effects gives it");
+  sub->callback([o, &common] {
+    common.action = [o, &common] {
+      const auto listed = Link(common).call("model.effects", {{"effect", o->effect}});
+      return o->as_json ? print(listed) : print_effects(listed.at("effects"));
+    };
+  });
 }
 
 namespace {

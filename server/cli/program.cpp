@@ -46,6 +46,7 @@ void build_program(CLI::App& app, Common& common) {
   add_discover(app, common);
   add_protocol(app, common);
   add_model(app, common);
+  add_effects(app, common);
   add_selftest(app, common);
   add_limits(app, common);
   add_call(app, common);

@@ -88,6 +88,15 @@ int serve(const ServeOptions& o, const Common& common) {
   server::Engine engine(common.data_folder(), hub);
   server::Dispatcher rpc;
   add_all_methods(rpc, engine);
+  try {
+    if (const auto found = engine.take_over(); !found.empty()) std::cout << found << std::endl;
+  } catch (const std::exception& failure) {
+    std::cerr << "ferrobench: a bench process has lost its server, and its run is not taken over: "
+              << failure.what() << std::endl;
+  }
+  if (const auto lacks = engine.start_bench(); !lacks.empty())
+    std::cerr << "ferrobench: the bench process may be late where the machine is busy: " << lacks
+              << std::endl;
   server::put_right(engine.store().folder().string(),
                     [&engine](bool failed, const std::string& text, const std::string& unit) {
                       if (failed)

@@ -18,7 +18,7 @@ using nlohmann::json;
 namespace {
 
 // What a hint may name. A method without a command of its own is called by `ferrobench call`.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 17> commands{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 18> commands{
     {{"device.close", "call device.close"},
      {"device.list", "call device.list"},
      {"job.cancel", "call job.cancel"},
@@ -27,6 +27,7 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 17> commands
      {"lease.acquire", "call lease.acquire"},
      {"limits.get", "limits"},
      {"limits.set", "limits set"},
+     {"model.effects", "effects"},
      {"model.fit", "fit"},
      {"model.list", "model list"},
      {"model.simulate", "simulate"},

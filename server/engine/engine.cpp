@@ -3,8 +3,6 @@
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
 
-#include "daq/not_at_zero.h"
-#include "daq/replay/replay_device.h"
 #include "recordings/format/iso_time.h"
 #include "server/engine/live.h"
 
@@ -36,7 +34,7 @@ Error no_such(const std::string& what, const std::string& given, const nlohmann:
 }  // namespace
 
 Engine::Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener)
-    : hub_(hub), store_(data_folder), opener_(std::move(opener)), jobs_(hub) {
+    : hub_(hub), store_(data_folder), benches_(std::move(opener), hazards_), jobs_(hub) {
   hub.add_topic({.name = "run",
                  .doc = "status of the run: at each change of state, and five times a second",
                  .schema = json_schema<RunStatus>()});
@@ -68,6 +66,26 @@ void Engine::stop() {
   if (!run) return;
   run->stop("the bench shuts down");
   run->wait();
+}
+
+std::string Engine::take_over() {
+  takes_over_ = true;
+  const auto link = benches_.take_over(store_.folder().string());
+  if (!link) return "";
+  std::shared_ptr<Run> run;
+  try {
+    run = std::make_shared<Run>(
+        link, [this] { return lease_.lost(); }, hub_);
+  } catch (...) {  // nobody would watch it
+    link->tell(
+        bench::Stop{.run = link->ready().run, .reason = "the next server can make nothing of the run"});
+    throw;
+  }
+  const auto status = run->status();
+  const std::scoped_lock lock(mutex_);
+  run_ = std::move(run);
+  return "the bench process " + std::to_string(link->ready().process) + " had lost its server: its run " +
+         status.recording + " is " + write_json(status.state).get<std::string>();
 }
 
 bool Engine::output_at_zero() const {
@@ -103,7 +121,7 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   if (!asked.key.empty()) asked.request = write_json(request);
   RunSetup setup{.id = to_string(boost::uuids::random_generator()()), .device_name = request.device};
   std::shared_ptr<Run> before;
-  std::shared_ptr<daq::Device> open;
+  std::shared_ptr<HeldDevice> open;
   {
     Lock lock(mutex_);
     if (auto run = repeated(asked, lock)) return *run;
@@ -152,30 +170,31 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   return run_->status();
 }
 
-RunSetup Engine::make_setup(const RunRequest& request, RunSetup setup,
-                            std::shared_ptr<daq::Device> open) const {
+RunSetup Engine::make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<HeldDevice> open) {
   setup.notes = request.notes;
   setup.rerun_of = request.rerun_of;
   setup.stop_wanted = [this] { return lease_.lost(); };
+  if (takes_over_) setup.folder = std::filesystem::absolute(store_.folder()).string();
+  setup.last_use = open == nullptr;
   const auto name = replayed(request.device);
   if (open) {
     setup.device = std::move(open);
-    setup.replay = daq::replay_source(*setup.device);
-    setup.plan = setup.replay != nullptr ? make_replay_plan(request, *setup.replay)
-                                         : make_plan(request, store_, setup.device.get());
+    const auto* replay = setup.device->replay();
+    setup.plan = replay != nullptr ? make_replay_plan(request, *replay)
+                                   : make_plan(request, store_, &setup.device->look());
   } else if (name || request.device == "replay") {
     const auto file =
         request.replay_file.empty() ? store_.recording(name.value_or("")).string() : request.replay_file;
     setup.plan = make_replay_plan(request, file);
-    setup.device = opener_("replay", setup.plan.device_config);
-    setup.replay = daq::replay_source(*setup.device);
-    complete_replay_plan(setup.plan, *setup.replay);
+    setup.device = benches_.open("replay", setup.plan.device_config);
+    complete_replay_plan(setup.plan, *setup.device->replay());
   } else {
     setup.plan = make_plan(request, store_);
-    setup.device = opened(request.device, setup.plan.device_config);
+    setup.device = benches_.open(request.device, setup.plan.device_config);
   }
   // A replay can wait for the disk, whatever its clock.
-  setup.real_time = setup.replay == nullptr && setup.device->info().value("clock", "real") != "fast";
+  setup.real_time =
+      setup.device->replay() == nullptr && setup.device->facts().info.value("clock", "real") != "fast";
   return setup;
 }
 
@@ -232,13 +251,6 @@ RunStatus Engine::latest() const {
   return past_.empty() ? RunStatus{} : past_.front().first;
 }
 
-// Opening a device brings its output to zero.
-std::unique_ptr<daq::Device> Engine::opened(const std::string& kind, const nlohmann::json& config) const {
-  auto device = opener_(kind, config);
-  hazards_.resolve(text_at(device->info(), "serial_number"));
-  return device;
-}
-
 // The run under way or just over, by its id or as the latest.
 std::shared_ptr<Run> Engine::current(const std::string& id) const {
   {
@@ -259,24 +271,28 @@ RunStatus Engine::wait(const std::string& id) {
   return run->status();
 }
 
-void Engine::pause(const std::string& id) {
-  current(id)->pause();
+RunStatus Engine::pause(const std::string& id) {
+  const auto run = current(id);
+  run->pause();
+  return run->status();
 }
 
-void Engine::resume(const std::string& id) {
-  current(id)->resume();
+RunStatus Engine::resume(const std::string& id) {
+  const auto run = current(id);
+  run->resume();
+  return run->status();
 }
 
-void Engine::abort(const std::string& id, const std::string& reason, bool again) {
+RunStatus Engine::abort(const std::string& id, const std::string& reason, bool again) {
   {
     const std::scoped_lock lock(mutex_);
     if (id.empty() && !tested_.empty()) {
       test_stop_ = reason;
-      return;
+      return run_ ? run_->status() : RunStatus{};
     }
     if (preparing_ && (id.empty() || preparing_->status.run == id)) {
       if (preparing_->status.reason.empty()) preparing_->status.reason = reason;
-      return;
+      return preparing_->status;
     }
   }
   const auto run = current(id);
@@ -284,6 +300,7 @@ void Engine::abort(const std::string& id, const std::string& reason, bool again)
     throw Error(ErrorCode::bad_state, "this run is over",
                 Problem{.path = "/run", .message = "is not under way", .given = excerpt(id)});
   run->abort(reason, again);
+  return run->status();
 }
 
 void Engine::hasten() {
@@ -354,7 +371,7 @@ std::string Engine::open_device(const std::string& kind, const nlohmann::json& c
   // Recordings of the bench by their names: no client reads a file by its path.
   if (kind == "replay" && full.is_object() && full.contains("file") && full["file"].is_string())
     full["file"] = store_.recording(full["file"].get<std::string>()).string();
-  std::shared_ptr<daq::Device> device = opened(kind, full);  // closed without the lock where it is refused
+  auto device = benches_.open(kind, full);  // closed without the lock where it is refused
   const std::scoped_lock lock(mutex_);
   if (devices_.size() >= most_open)
     throw Error(ErrorCode::busy, "too many devices are open",
@@ -380,19 +397,17 @@ Engine::Open& Engine::free_device(const std::string& id, const std::string& what
 }
 
 void Engine::close_device(const std::string& id) {
-  std::shared_ptr<daq::Device> closed;  // without the lock
+  std::shared_ptr<HeldDevice> closed;  // without the lock
   Lock lock(mutex_);
   closed = std::move(free_device(id, "the device cannot be closed", lock).device);
   devices_.erase(id);
   const double slew = limits_.stop_slew;
   lock.unlock();
-  if (closed->output() == 0) return;
   try {
-    closed->go_to(0, slew);
-  } catch (const std::exception& failure) {
-    const auto warning = daq::not_at_zero(failure.what());
-    hazards_.add(text_at(closed->info(), "serial_number"), warning);
-    throw Error(ErrorCode::device_lost, "the device is closed, but " + warning);
+    closed->close(slew);
+  } catch (const Error& failure) {
+    hazards_.add(text_at(closed->facts().info, "serial_number"), failure.message());
+    throw;
   }
 }
 
@@ -403,7 +418,7 @@ std::vector<std::string> Engine::open_devices() const {
   return out;
 }
 
-void Engine::with_device(const std::string& id, const std::function<void(daq::Device&)>& use) {
+void Engine::with_device(const std::string& id, const std::function<void(const daq::DeviceFacts&)>& use) {
   Lock lock(mutex_);
   auto& open = free_device(id, "the device is taken", lock);  // stays where it is while it is used
   open.used = true;
@@ -413,11 +428,11 @@ void Engine::with_device(const std::string& id, const std::function<void(daq::De
     open.used = false;
     changed_.notify_all();
   });
-  use(*open.device);
+  use(open.device->look());
 }
 
 daq::SelftestReport Engine::selftest(const std::string& id, double rate) {
-  std::shared_ptr<daq::Device> device;
+  std::shared_ptr<HeldDevice> device;
   {
     Lock lock(mutex_);
     find_device(id);
@@ -433,7 +448,7 @@ daq::SelftestReport Engine::selftest(const std::string& id, double rate) {
     tested_ = "";
     changed_.notify_all();
   });
-  return daq::selftest(*device, rate, [this] {
+  return device->selftest(rate, [this] {
     const std::scoped_lock lock(mutex_);
     return test_stop_.empty() ? lease_.lost() : test_stop_;
   });

@@ -6,6 +6,7 @@
 // being prepared has the bench for itself; a stop that comes by then reaches the run before it moves.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -16,8 +17,8 @@
 #include <string>
 #include <vector>
 
-#include "daq/registry.h"
 #include "daq/selftest.h"
+#include "server/engine/benches.h"
 #include "server/engine/hazards.h"
 #include "server/engine/jobs.h"
 #include "server/engine/lease.h"
@@ -33,16 +34,25 @@ struct RunTotals {
   void add(const RunStatus& run);
 };
 
-using DeviceOpener =
-    std::function<std::unique_ptr<daq::Device>(const std::string& kind, const nlohmann::json&)>;
+using DeviceOpener = bench::Opener;
 
 class Engine {
  public:
-  // Adds the topics run, samples, events and job to the hub, which outlives the engine.
-  Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener = daq::open_device);
+  // Adds the topics run, samples, events and job to the hub, which outlives the engine. `opener`: opens the
+  // devices, in this process; none: a bench process does.
+  Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener opener = {});
   ~Engine() { stop(); }
   // Ends what is under way safely and returns when the output is at zero. Nothing starts after.
   void stop();
+
+  // For a daemon, before its first run: the run of a bench that has lost its server, if there is one in the
+  // data folder, goes on as the run of this engine, and this engine's runs wait for the next daemon in their
+  // turn. What was found, in a sentence; "" if nothing was. Without it a run whose program dies ends by
+  // itself.
+  std::string take_over();
+  // Starts the bench process now rather than when it is first needed: what it lacks to be on time on a busy
+  // machine, or "". Error(device_unavailable).
+  std::string start_bench() { return benches_.start(); }
 
   // One run or self-test goes on at a time: Error(busy). A request whose idempotency key was seen before
   // starts nothing and returns that run. `path`: where the recording goes, "" for a new one in the store.
@@ -54,10 +64,11 @@ class Engine {
   RunTotals totals() const;
   std::size_t queued_blocks() const;  // of samples, not yet with the writer
   RunStatus wait(const std::string& id);
-  void pause(const std::string& id);
-  void resume(const std::string& id);
+  // These answer with the run that they reached: where `id` is "", another may be the latest by then.
+  RunStatus pause(const std::string& id);
+  RunStatus resume(const std::string& id);
   // `id` "": a self-test too. A second one hastens the stop, unless it is the same one `again`.
-  void abort(const std::string& id, const std::string& reason, bool again = false);
+  RunStatus abort(const std::string& id, const std::string& reason, bool again = false);
   void hasten();  // the stop under way, if there is one
   // Whether the run under way writes this recording.
   bool is_being_written(const std::filesystem::path& path) const;
@@ -71,8 +82,9 @@ class Engine {
   std::string open_device(const std::string& kind, const nlohmann::json& config);
   void close_device(const std::string& id);
   std::vector<std::string> open_devices() const;
-  // An open device, for `use` alone and not for long; Error(busy) while a run or a test has it.
-  void with_device(const std::string& id, const std::function<void(daq::Device&)>& use);
+  // What an open device says now, which is for `use` alone meanwhile and not for long; Error(busy) while a
+  // run or a test has it.
+  void with_device(const std::string& id, const std::function<void(const daq::DeviceFacts&)>& use);
   // The bench waits for nothing meanwhile. Stopped like a run, with Error(cancelled); errors as
   // daq::selftest.
   daq::SelftestReport selftest(const std::string& id, double rate = daq::selftest_rate);
@@ -97,15 +109,14 @@ class Engine {
   };
   // A device that is open, for one user at a time.
   struct Open {
-    std::shared_ptr<daq::Device> device{};
+    std::shared_ptr<HeldDevice> device{};
     bool used = false;
   };
   using Lock = std::unique_lock<std::mutex>;
 
   std::optional<RunStatus> repeated(const Asked& asked, Lock& lock);
-  RunSetup make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<daq::Device> open) const;
+  RunSetup make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<HeldDevice> open);
   RunStatus latest() const;
-  std::unique_ptr<daq::Device> opened(const std::string& kind, const nlohmann::json& config) const;
   std::shared_ptr<Run> current(const std::string& id) const;
   Open& find_device(const std::string& id);
   // Waits until nobody uses it. Error(busy) as soon as a run or a test has it.
@@ -119,7 +130,8 @@ class Engine {
   mutable Hazards hazards_;
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 
-  DeviceOpener opener_;
+  Benches benches_;
+  std::atomic<bool> takes_over_ = false;
   mutable std::mutex mutex_;
   std::condition_variable changed_;  // a device, the self-test or the run being prepared
   daq::Limits limits_;

@@ -106,11 +106,8 @@ class Reader {
 };
 
 // Where no model says it: of the open device, or of the one that the configuration describes.
-std::optional<double> layer_thickness_of(const json& config, const daq::Device* open) {
-  if (open != nullptr) {
-    const auto specimen = open->specimen();
-    return specimen ? std::optional(specimen->layer_thickness) : std::nullopt;
-  }
+std::optional<double> layer_thickness_of(const json& config, const daq::DeviceFacts* open) {
+  if (open != nullptr) return open->specimen ? std::optional(open->specimen->layer_thickness) : std::nullopt;
   const auto at = json::json_pointer("/specimen/layer_thickness");
   if (config.contains(at) && config.at(at).is_number()) return config.at(at).get<double>();
   return std::nullopt;
@@ -195,7 +192,7 @@ void complete_replay_plan(RunPlan& plan, const daq::ReplaySource& source) {
   plan.sample_rate = source.rate();
 }
 
-RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Device* open) {
+RunPlan make_plan(const RunRequest& request, const Store& store, const daq::DeviceFacts* open) {
   if (request.protocol.is_null())
     throw Error(
         ErrorCode::invalid_params, "there is no program to run",
@@ -217,7 +214,7 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
                         .given = request.device,
                         .hint = "leave it out; the specimen stands in the device's configuration"});
   if (modelled) plan.model = resolve_model(request.model, store);
-  if (!fresh) plan.model = open->model();
+  if (!fresh) plan.model = open->model;
   json device = request.config.is_null() ? json::object() : request.config;
   if (!device.is_object())
     throw Error(ErrorCode::invalid_params, "a device's configuration is an object",

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/fields.h"
-#include "daq/device.h"
+#include "daq/device_facts.h"
 #include "daq/replay/replay_source.h"
 #include "protocols/protocol.h"
 #include "recordings/disk/new_file.h"
@@ -55,15 +55,15 @@ struct RunPlan {
   protocols::Protocol protocol{};  // as executed; none for a replay
   std::string name{}, title{};
   double sample_rate = 0;          // Hz, asked for
-  nlohmann::json device_config{};  // for daq::open_device; null if the device is open already
+  nlohmann::json device_config{};  // to open it with; null if the device is open already
   nlohmann::json model{};          // with the load in force; null if the device has none
 };
 
-// `open`: the device named by the request if it was opened before, else null. Its model and load are what
-// they are; a fresh virtual device takes the load set, else the protocol's, else the model's.
-// Throws Error(invalid_params) with what is allowed for a key that is not, and what reading the protocol and
-// model throws.
-RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Device* open = nullptr);
+// `open`: what the device named by the request says if it was opened before, else null. Its model and load
+// are what they are; a fresh virtual device takes the load set, else the protocol's, else the model's. Throws
+// Error(invalid_params) with what is allowed for a key that is not, and what reading the protocol and model
+// throws.
+RunPlan make_plan(const RunRequest& request, const Store& store, const daq::DeviceFacts* open = nullptr);
 
 // The name in "replay:NAME"; none for another device.
 std::optional<std::string> replayed(const std::string& device);

@@ -1,5 +1,7 @@
 #include "server/engine/rerun.h"
 
+#include <cmath>
+
 namespace ferrobench::server {
 
 using nlohmann::json;
@@ -38,6 +40,15 @@ json virtual_settings(const json& device) {
   return out;
 }
 
+// The past without the way to the program's first level (run_header.cpp adds it), which the new run goes by
+// itself.
+protocols::Past before_the_way(const protocols::Past& past, double first_level) {
+  constexpr double same = 1e-6;
+  const bool has_it = first_level != 0 && past.kind == protocols::PastKind::visited &&
+                      std::abs(past.levels.back().field - first_level) <= same * std::abs(first_level);
+  return has_it ? protocols::without_last_level(past) : past;
+}
+
 }  // namespace
 
 RunRequest rerun_request(const recordings::Recording& recording) {
@@ -68,7 +79,11 @@ RunRequest rerun_request(const recordings::Recording& recording) {
   out.fast = true;
   out.set["prestress_Pa"] = h.load.prestress;
   out.set["spring_stiffness_N_per_m"] = h.load.spring_stiffness;
-  if (h.past.known()) out.set["device.past"] = to_json(h.past);
+  if (h.past.known()) {
+    const bool commanded = recording.has(recordings::Channel::command) && recording.size() > 0;
+    out.set["device.past"] = to_json(
+        commanded ? before_the_way(h.past, recording.at(recordings::Channel::command).front()) : h.past);
+  }
   out.set.update(virtual_settings(h.device));
   return out;
 }

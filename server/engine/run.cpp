@@ -1,87 +1,23 @@
 #include "server/engine/run.h"
 
 #include <array>
-#include <boost/lockfree/spsc_queue.hpp>
-#include <boost/uuid/random_generator.hpp>
-#include <boost/uuid/uuid_io.hpp>
-#include <cmath>
-#include <semaphore>
+#include <filesystem>
 
 #include "base/visible.h"
-#include "daq/guard/check.h"
 #include "daq/replay/replay_source.h"
-#include "model/model.h"
-#include "recordings/disk/new_file.h"
+#include "daq/scaling.h"
+#include "recordings/file/recover.h"
 #include "recordings/format/iso_time.h"
-#include "server/engine/sink.h"
+#include "recordings/format/texts.h"
+#include "server/engine/run_header.h"
 
 namespace ferrobench::server {
 
 namespace {
 
-constexpr std::size_t queue_blocks = 256;  // of 0.1 s each in real time
 constexpr std::chrono::milliseconds status_interval{200};
-constexpr std::chrono::seconds writer_patience{10};  // with a writer that hangs
-
-// The past with the way to the program's first level, which is not recorded. Towards + it does not touch a
-// specimen that is poled so.
-protocols::Past on_to(protocols::Past past, double from, double level, double slew) {
-  using protocols::FirstState;
-  using protocols::PastKind;
-  if (!past.known() || level == from || (past.kind == PastKind::poled_plus && level >= 0)) return past;
-  // What ends a cycle is not known here.
-  if (past.kind == PastKind::cycled || !std::isfinite(from) || !(slew > 0)) return {};
-  if (past.kind == PastKind::poled_minus) past.from = FirstState::poled_minus;
-  if (past.kind == PastKind::unpoled) past.from = FirstState::unpoled;
-  past.kind = PastKind::visited;
-  past.levels.push_back({level, std::abs(level - from) / slew});
-  return past.levels.size() > protocols::most_visited_levels ? protocols::Past{} : past;
-}
-
-recordings::Header measured_header(const RunSetup& setup, const daq::Device& device) {
-  recordings::Header header;
-  header.title = setup.plan.protocol.title();
-  header.protocol = setup.plan.protocol.json();
-  header.model = device.model();
-  // What the device knows of the specimen, else what the program's author says.
-  header.past = device.past();
-  if (!header.past.known()) header.past = setup.plan.protocol.past().value_or(protocols::Past{});
-  if (header.model.is_null()) {
-    header.specimen = device.specimen().value_or(recordings::Specimen{});
-    header.load = device.load();
-    return header;
-  }
-  const auto model = model::model_from_json(header.model);
-  const auto& a = model.actuator;
-  header.specimen = {model.name, a.length, a.area, a.layer_thickness, a.layer_count};
-  header.load = {model.load.spring_stiffness, model.load.prestress};
-  return header;
-}
-
-recordings::Header header_of(const RunSetup& setup, const daq::Device& device,
-                             const protocols::SampledWaveform& program, double slew) {
-  const double rate = program.rate();
-  auto header = setup.replay != nullptr ? setup.replay->header() : measured_header(setup, device);
-  if (setup.replay == nullptr)
-    header.past = on_to(std::move(header.past), device.output(), program.value(0), slew);
-  header.start_time = recordings::iso_now();
-  header.entry_identifier = to_string(boost::uuids::random_generator()());
-  header.device = device.info();
-  header.device["sample_rate_asked"] = setup.plan.sample_rate;
-  header.device["sample_rate"] = rate;
-  if (!setup.rerun_of.empty()) header.device["rerun_of"] = setup.rerun_of;
-  if (header.device.contains("seed")) header.run_seed = header.device["seed"].get<std::int64_t>();
-  return header;
-}
-
-protocols::SampledWaveform program_of(const RunSetup& setup) {
-  if (setup.replay != nullptr) return setup.replay->program();
-  return {setup.plan.protocol.expand(), setup.device->scan_rate(setup.plan.sample_rate)};
-}
-
-daq::Limits limits_of(const RunSetup& setup) {
-  return setup.replay != nullptr ? setup.replay->limits(setup.limits) : setup.limits;
-}
+constexpr std::chrono::milliseconds look_interval{50};
+constexpr std::uint64_t most_shown = 8u << 20;  // bytes of the journal at a time; older ones are not shown
 
 }  // namespace
 
@@ -98,168 +34,291 @@ std::span<const std::pair<RunState, std::string_view>> enum_names(RunState) {
   return names;
 }
 
-// Blocks go round: free -> acquisition -> full -> writer -> free. A null block ends the run.
-struct Run::Pipe {
-  using Queue = boost::lockfree::spsc_queue<daq::SampleBlock*, boost::lockfree::capacity<queue_blocks + 1>>;
-  std::vector<daq::SampleBlock> blocks{queue_blocks};
-  Queue free, full;
-  std::counting_semaphore<> filled{0}, returned{0};
-  bool wait_for_writer;
-  using Clock = std::chrono::steady_clock;
-  std::atomic<std::size_t> waiting = 0, most_waiting = 0;
-  std::atomic<Clock::time_point> taken{Clock::time_point::max()};  // when the writer began its block
-
-  explicit Pipe(bool wait) : wait_for_writer(wait) {
-    for (auto& block : blocks) free.push(&block);
-  }
-  // Null if the writer is too far behind.
-  daq::SampleBlock* take_free() {
-    daq::SampleBlock* block = nullptr;
-    while (!free.pop(block)) {
-      if (!wait_for_writer) return nullptr;
-      returned.acquire();
-    }
-    return block;
-  }
-  void put_full(daq::SampleBlock* block) {
-    full.push(block);
-    most_waiting = std::max(most_waiting.load(), ++waiting);
-    filled.release();
-  }
-  daq::SampleBlock* take_full() {
-    filled.acquire();
-    daq::SampleBlock* block = nullptr;
-    full.pop(block);
-    --waiting;
-    taken = Clock::now();
-    return block;
-  }
-  void put_free(daq::SampleBlock* block) {
-    taken = Clock::time_point::max();
-    free.push(block);
-    if (wait_for_writer) returned.release();
-  }
-  bool writer_hangs() const {
-    const auto since = taken.load();
-    return !wait_for_writer && since != Clock::time_point::max() && Clock::now() - since > writer_patience;
-  }
-};
-
 Run::Run(RunSetup setup, Hub& hub)
     : setup_(std::move(setup)),
       hub_(hub),
-      pipe_(std::make_unique<Pipe>(!setup_.real_time)),
-      guard_(std::make_unique<daq::Guard>(*setup_.device, limits_of(setup_), setup_.interlock)),
-      program_(program_of(setup_)),
+      link_(setup_.device->link()),
+      number_(link_->new_number()),
       begin_(std::chrono::steady_clock::now()) {
-  if (auto found = daq::check(program_, guard_->limits()); !found.empty())
-    throw Error(ErrorCode::limit_exceeded, "the program goes beyond a limit", std::move(found));
-  if (auto found = setup_.device->problems(program_); !found.empty())
-    throw Error(ErrorCode::limit_exceeded, "the device cannot play the program", std::move(found));
-  const auto header = header_of(setup_, *setup_.device, program_, guard_->limits().stop_slew);
-  started_ = header.start_time;
-  while (!sink_) try {
-      sink_ = std::make_unique<Sink>(
-          setup_.path, setup_.existing, header,
-          daq::Scaling(setup_.device->columns(), setup_.device->signals(), program_.rate()), hub_, setup_.id);
+  try {
+    prepare();
+  } catch (...) {
+    link_->tell(bench::Drop{number_});
+    throw;
+  }
+  link_->watch(number_, this);
+  tell();
+}
+
+void Run::prepare() {
+  const auto* replay = setup_.device->replay();
+  bench::Prepare asked{.run = number_,
+                       .device = setup_.device->number(),
+                       .last_use = setup_.last_use,
+                       .real_time = setup_.real_time,
+                       .rate = setup_.plan.sample_rate,
+                       .limits = setup_.limits};
+  if (replay != nullptr) {
+    const auto program = replay->program();
+    asked.rate = program.rate();
+    asked.exact_rate = true;
+    asked.limits = replay->limits(setup_.limits);
+    asked.program = bench::Program::of(program.waveform());
+  } else {
+    asked.program = bench::Program::of(setup_.plan.protocol.expand());
+  }
+  const auto prepared = link_->ask<bench::Prepared>(std::move(asked));
+  rate_ = prepared.rate;
+  last_.rows_expected = prepared.size;
+  const daq::Scaling scaling(prepared.facts.columns, prepared.facts.signals, rate_);
+  const recordings::Begin begin{header_of(setup_, prepared),
+                                {scaling.channels().begin(), scaling.channels().end()},
+                                {scaling.columns().begin(), scaling.columns().end()}};
+  started_ = begin.header.start_time;
+  while (!recording_) try {
+      recording_.emplace(setup_.path, begin, setup_.existing);
     } catch (const recordings::NameTaken&) {
       if (!setup_.next_path) throw;
       setup_.path = setup_.next_path();
     }
-  if (!setup_.notes.empty()) sink_->add_event({0, "note", setup_.notes});
-  if (program_.distortion() > 0.5 / program_.rate())
-    sink_->add_event({0, "stretched",
-                      "the sample rate is too low for the program's corners: one of them is " +
-                          std::to_string(program_.distortion()) + " s late"});
+  follower_.emplace(recording_->journal(), begin);
+  live_.emplace(hub_, setup_.id);
+  if (!setup_.notes.empty()) first_events_.push_back({0, "note", setup_.notes});
+  if (prepared.distortion > 0.5 / rate_)
+    first_events_.push_back({0, "stretched",
+                             "the sample rate is too low for the program's corners: one of them is " +
+                                 std::to_string(prepared.distortion) + " s late"});
+}
+
+// What another server needs to know of the run, should this one die.
+std::string Run::card() const {
+  return nlohmann::json{{"run", setup_.id},
+                        {"protocol", setup_.plan.name},
+                        {"title", setup_.plan.title},
+                        {"device", setup_.device_name},
+                        {"path", std::filesystem::absolute(setup_.path)},
+                        {"replace", setup_.existing == recordings::Existing::replace},
+                        {"rate", rate_},
+                        {"real_time", setup_.real_time},
+                        {"started", started_},
+                        {"info", setup_.device->facts().info}}
+      .dump();
+}
+
+Run::Run(std::shared_ptr<BenchLink> link, std::function<std::string()> stop_wanted, Hub& hub)
+    : hub_(hub),
+      link_(std::move(link)),
+      number_(link_->ready().run),
+      begin_(std::chrono::steady_clock::now()) {
+  const auto card = nlohmann::json::parse(link_->ready().card);
+  setup_.id = card.at("run");
+  setup_.plan.name = card.at("protocol");
+  setup_.plan.title = card.at("title");
+  setup_.device_name = card.at("device");
+  setup_.path = card.at("path");
+  setup_.existing =
+      card.at("replace").get<bool>() ? recordings::Existing::replace : recordings::Existing::keep;
+  setup_.real_time = card.at("real_time");
+  setup_.stop_wanted = std::move(stop_wanted);
+  rate_ = card.at("rate");
+  started_ = card.at("started");
+  recording_.emplace(setup_.path, link_->take_journal(), setup_.existing);
+  follower_.emplace(recording_->journal(), recording_->begin());
+  live_.emplace(hub_, setup_.id);
+  link_->watch(number_, this);
+  link_->tell(bench::Attend{number_});
+  {  // how far it is
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, std::chrono::seconds(1), [this] { return last_.rows_expected > 0; });
+  }
   tell();
+  begun_ = true;
+  follower_thread_ = std::thread([this] { follow(); });
 }
 
 void Run::begin(const std::string& stopped) {
-  if (!stopped.empty()) abort(stopped);
-  writer_ = std::thread([this] { write(); });
-  acquisition_ = std::thread([this] { acquire(); });
+  if (!stopped.empty()) {
+    asked_to_stop_ = true;
+    link_->tell(bench::Stop{.run = number_, .reason = stopped});
+  }
+  const auto& protocol = setup_.plan.protocol;
+  link_->tell(bench::Begin{.run = number_,
+                           .path = recordings::journal_path(setup_.path),
+                           .start_time = started_,
+                           .events = std::move(first_events_),
+                           .unattended = setup_.device->replay() == nullptr && protocol.unattended(),
+                           .folder = setup_.folder,
+                           .card = card()},
+              recording_->journal());
+  if (setup_.last_use) setup_.device->used_up();
+  begun_ = true;
+  follower_thread_ = std::thread([this] { follow(); });
 }
 
 Run::~Run() {
-  guard_->stop("the bench shuts down");
-  wait();
+  if (begun_) {
+    if (!over()) stop("the bench shuts down");
+    wait();
+  } else {
+    try {
+      recording_->discard();
+    } catch (const Error&) {  // the next recovery removes a journal without rows
+    }
+    link_->tell(bench::Drop{number_});
+  }
+  link_->watch(number_, nullptr);
 }
 
 void Run::wait() {
   const std::scoped_lock lock(joining_);
-  if (acquisition_.joinable()) acquisition_.join();
-  if (writer_.joinable()) writer_.join();
+  if (follower_thread_.joinable()) follower_thread_.join();
 }
 
-void Run::acquire() {
-  std::string failure;
-  try {
-    guard_->go_to(program_.value(0), guard_->limits().stop_slew);
-    guard_->start(program_);
-    daq::SampleBlock spare;
-    for (;;) {
-      auto* block = pipe_->take_free();
-      if (block == nullptr || pipe_->writer_hangs()) guard_->stop("the disk does not keep up");
-      if (setup_.stop_wanted)
-        if (const auto reason = setup_.stop_wanted(); !reason.empty()) guard_->stop(reason);
-      const bool more = guard_->read(block == nullptr ? spare : *block);
-      // The writer sees the rows that a spare block took away as a gap.
-      if (block != nullptr) pipe_->put_full(block);
-      if (!more) break;
-    }
-  } catch (const std::exception& error) {
-    failure = in_one_line(error.what());
-  }
-  guard_->release();
+void Run::status(const bench::RunState& state) {
+  const std::scoped_lock lock(mutex_);
+  last_ = state;
+  changed_.notify_all();
+}
+
+void Run::event(const bench::Noted& event) {
+  if (event.missed > 0)
+    publish({event.event.time, "gap",
+             std::to_string(event.missed) + " events went by unseen; the recording has them"});
+  publish(event.event);
+}
+
+void Run::publish(const recordings::Event& event) {
+  hub_.publish("events", {{"run", setup_.id},
+                          {"time", recordings::iso_now()},
+                          {"time_s", event.time},
+                          {"kind", event.kind},
+                          {"message", event.message}});
+}
+
+void Run::closed(const bench::Closed& closed) {
+  const std::scoped_lock lock(mutex_);
+  last_ = closed.state;
+  closed_ = closed;
+  changed_.notify_all();
+}
+
+void Run::lost(const std::string& why) {
   {
     const std::scoped_lock lock(mutex_);
-    reason_ = failure;
+    if (closed_) return;  // the run had ended, and all of it has come
   }
-  pipe_->put_full(nullptr);
+  publish({0, "fault", why});
+  const std::scoped_lock lock(mutex_);
+  lost_ = why;
+  if (reason_.empty()) reason_ = why;
+  changed_.notify_all();
 }
 
-void Run::write() {
-  auto shown = std::chrono::steady_clock::time_point{};
+void Run::show() {
+  if (hub_.wanted("samples"))
+    follower_->next(most_shown, [this](const recordings::Columns& columns) { live_->add(columns.rows()); });
+  else
+    follower_->pass_over();
+}
+
+void Run::follow() {
+  auto shown = std::chrono::steady_clock::now() - status_interval;
   auto state = RunState::idle;
-  while (auto* block = pipe_->take_full()) {
-    sink_->take(*block);
-    pipe_->put_free(block);
-    if (!sink_->trouble().empty()) guard_->stop(sink_->trouble());
+  bool stopped = false;
+  std::unique_lock lock(mutex_);
+  while (!closed_ && !lost_) {
+    lock.unlock();
+    if (setup_.stop_wanted && !stopped)
+      if (const auto reason = setup_.stop_wanted(); !reason.empty()) {
+        stopped = true;
+        link_->tell(bench::Stop{.run = number_, .reason = reason});
+      }
+    show();
     const auto now = std::chrono::steady_clock::now();
     const auto now_in = status().state;
-    if (now_in == state && now - shown < status_interval) continue;
-    state = now_in;
-    shown = now;
-    tell();
+    if (now_in != state || now - shown >= status_interval) {
+      state = now_in;
+      shown = now;
+      tell();
+    }
+    lock.lock();
+    if (!closed_ && !lost_) changed_.wait_for(lock, look_interval);
   }
-  const auto outcome = guard_->outcome();
-  std::string reason = reason_.empty() ? outcome.reason : reason_;
-  daq::ReplaySource::Closing closing{.status = {}, .reason = reason, .segments = guard_->segments()};
-  const bool complete = outcome.end == daq::End::complete && reason.empty();
-  closing.status = complete ? "complete" : "aborted";
-  // A replay played whole is a complete run, of a recording that may be anything.
-  if (setup_.replay != nullptr && reason_.empty()) closing = setup_.replay->closing(*guard_);
-  if (!sink_->failure().empty()) {
-    reason = closing.reason = sink_->failure();
-    closing.status = "aborted";
-  }
-  // A guard that never had a stream has told nobody.
-  if (outcome.end == daq::End::none && !outcome.warning.empty())
-    sink_->add_event({0, "fault", outcome.warning});
-  const bool recorded =
-      sink_->finish(closing.status, closing.reason, closing.segments, setup_.device->noise());
-  if (!sink_->failure().empty()) reason = sink_->failure();
-  setup_.device.reset();  // who is told of the end may open it
-  {
-    const std::scoped_lock lock(mutex_);
-    state_ = complete && sink_->failure().empty() ? RunState::complete : RunState::aborted;
-    reason_ = reason;
-    ended_ = recordings::iso_now();
-    at_zero_ = outcome.output_at_zero;
-    warning_ = outcome.warning;
-    recorded_ = recorded;
-  }
+  const auto closed = closed_;
+  const auto why = lost_.value_or("");
+  lock.unlock();
   tell();
+  show();
+  live_->finish();
+  if (closed)
+    finish(*closed);
+  else
+    recover(why);
+  follower_.reset();
+  recording_.reset();
+  link_->tell(bench::Drop{number_});
+  tell();
+}
+
+void Run::finish(const bench::Closed& closed) {
+  auto ending = recordings::ending_of(closed.ending);
+  std::string reason = ending.reason;
+  const bool complete = ending.status == "complete";
+  // A replay played whole is a complete run, of a recording that may be anything.
+  const auto* replay = setup_.device ? setup_.device->replay() : nullptr;
+  if (replay != nullptr && closed.failure.empty() && closed.state.end != daq::End::none) {
+    auto as = replay->closing(closed.state.end, reason, closed.played, closed.state.rows);
+    ending.status = std::move(as.status);
+    ending.reason = std::move(as.reason);
+    ending.segments = std::move(as.segments);
+  }
+  std::string failure = closed.failure;
+  const bool recorded = closed.rows > 0;
+  try {  // also after a failure: what was written before it is a recording
+    if (recorded)
+      recording_->finish(ending, closed.rows);
+    else
+      recording_->discard();
+  } catch (const std::exception& error) {
+    if (failure.empty()) failure = "the recording's file cannot be made: " + in_one_line(error.what());
+  }
+  if (!failure.empty()) reason = failure;
+  setup_.device.reset();  // who is told of the end may open it
+  const std::scoped_lock lock(mutex_);
+  if (failure.empty()) last_.rows_on_disk = closed.rows;
+  at_zero_ = closed.state.output_at_zero;
+  warning_ = closed.state.warning;
+  end(complete && failure.empty() ? RunState::complete : RunState::aborted, reason, recorded);
+}
+
+// The bench died, and whatever may hold a voltage is brought to zero by its successor.
+void Run::recover(const std::string& why) {
+  const auto warning = link_->after_loss();
+  setup_.device.reset();
+  bool recorded = true;
+  std::string reason = why;
+  recording_.reset();  // and the lock with them
+  follower_.reset();
+  std::optional<std::uint64_t> rows;
+  try {
+    const auto done = recordings::recover_recording(setup_.path);
+    recorded = done.outcome != recordings::Recovered::nothing;
+    rows = done.rows;
+  } catch (const std::exception& error) {
+    reason += "; the recording's file cannot be made: " + in_one_line(error.what());
+  }
+  const std::scoped_lock lock(mutex_);
+  if (rows) last_.rows = last_.rows_on_disk = *rows;
+  at_zero_ = warning.empty();
+  warning_ = warning;
+  end(RunState::aborted, reason, recorded);
+}
+
+void Run::end(RunState state, const std::string& reason, bool recorded) {
+  state_ = state;
+  reason_ = reason;
+  ended_ = recordings::iso_now();
+  recorded_ = recorded;
 }
 
 void Run::tell() {
@@ -268,29 +327,40 @@ void Run::tell() {
 }
 
 std::size_t Run::queued_blocks() const {
-  return pipe_->waiting;
+  const std::scoped_lock lock(mutex_);
+  return last_.blocks_waiting;
+}
+
+bool Run::output_at_zero() const {
+  const std::scoped_lock lock(mutex_);
+  return is_over(state_) ? at_zero_ : last_.output_at_zero;
+}
+
+bool Run::over() const {
+  const std::scoped_lock lock(mutex_);
+  return is_over(state_);
 }
 
 RunStatus Run::status() const {
   using Guarded = daq::Progress::State;
   const std::scoped_lock lock(mutex_);
-  const auto guarded = guard_->progress();
+  const auto& guarded = last_;
   RunStatus out{.run = setup_.id,
                 .protocol = setup_.plan.name,
                 .title = setup_.plan.title,
                 .device = setup_.device_name,
                 .recording = std::filesystem::path(setup_.path).stem(),
                 .path = setup_.path,
-                .rows = static_cast<std::int64_t>(guarded.rows_read),
-                .rows_on_disk = static_cast<std::int64_t>(sink_->rows_on_disk()),
+                .rows = static_cast<std::int64_t>(guarded.rows),
+                .rows_on_disk = static_cast<std::int64_t>(guarded.rows_on_disk),
                 .rows_expected = static_cast<std::int64_t>(guarded.rows_expected),
-                .queue_used = std::min(1.0, static_cast<double>(pipe_->most_waiting) / queue_blocks),
-                .sample_rate = program_.rate(),
+                .queue_used = std::min(1.0, static_cast<double>(guarded.most_waiting) / bench::queue_blocks),
+                .sample_rate = rate_,
                 .started = started_,
                 .output_at_zero = false};
-  if (guarded.state == Guarded::idle) out.rows_expected = static_cast<std::int64_t>(program_.size());
   out.duration = static_cast<double>(out.rows_expected) / out.sample_rate;
-  out.progress = std::min(1.0, static_cast<double>(out.rows) / static_cast<double>(out.rows_expected));
+  out.progress = std::min(
+      1.0, static_cast<double>(out.rows) / static_cast<double>(std::max<std::int64_t>(out.rows_expected, 1)));
   out.state = state_;
   out.reason = reason_;
   out.ended = ended_;
@@ -300,7 +370,11 @@ RunStatus Run::status() const {
     if (!recorded_) out.recording = out.path = "";
     return out;
   }
-  switch (guarded.state) {
+  if (lost_) {
+    out.state = RunState::stopping;
+    return out;
+  }
+  switch (guarded.guard) {
     case Guarded::idle:
       out.state = RunState::arming;
       break;
@@ -317,7 +391,7 @@ RunStatus Run::status() const {
       out.state = RunState::stopping;
       break;
     case Guarded::ended:  // the file is not whole yet
-      out.state = guard_->outcome().end == daq::End::complete ? RunState::running : RunState::stopping;
+      out.state = guarded.end == daq::End::complete ? RunState::running : RunState::stopping;
       break;
   }
   const auto left = static_cast<double>(out.rows_expected - out.rows);
@@ -331,27 +405,35 @@ RunStatus Run::status() const {
 }
 
 void Run::pause() {
-  guard_->pause();
+  link_->order(bench::Pause{.run = number_});
   tell();
 }
 
 void Run::resume() {
-  guard_->resume();
+  link_->order(bench::Resume{.run = number_});
   tell();
 }
 
 void Run::abort(const std::string& reason, bool again) {
-  if (!asked_to_stop_.exchange(true)) return stop(reason);
-  if (!again) hasten();
+  const bool before = asked_to_stop_.exchange(true);
+  stop(reason);  // the second time, too: the one that was first may not have reached the bench yet
+  if (before && !again) hasten();
 }
 
+// A bench that does not take a stop has died or is over, and its run with it.
 void Run::stop(const std::string& reason) {
-  guard_->stop(reason);
+  try {
+    link_->order_at_once(bench::Stop{.run = number_, .reason = reason});
+  } catch (const Error&) {
+  }
   tell();
 }
 
 void Run::hasten() {
-  guard_->hasten();
+  try {
+    link_->order_at_once(bench::Hasten{.run = number_});
+  } catch (const Error&) {
+  }
   tell();
 }
 

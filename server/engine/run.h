@@ -1,13 +1,14 @@
-// One run: a program through the guard to the device, and what comes back into a recording.
+// One run, as the server knows it. What moves an output is in the bench process (server/bench): it plays the
+// program and writes the journal, and says how it goes. The run here follows that, shows the samples that the
+// journal gains, and makes the recording's file of it when the run is over.
 //
-// Two threads. Acquisition feeds and drains the device and does nothing else; the writer scales, stores and
-// shows. A bounded queue of blocks lies between them. If the disk falls behind a real-time run so far that
-// the queue is full, or the writer is with one block for 10 s, the run stops safely; a run as fast as
-// possible waits instead.
+// A bench that dies takes its run along: its successor brings the output to zero, and the file is made of
+// what the journal has.
 #pragma once
 
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -16,14 +17,16 @@
 #include <thread>
 
 #include "base/fields.h"
-#include "daq/guard/guard.h"
+#include "daq/guard/limits.h"
 #include "recordings/disk/new_file.h"
+#include "recordings/file/begun.h"
+#include "recordings/journal/follower.h"
+#include "server/engine/held_device.h"
+#include "server/engine/live.h"
 #include "server/engine/request.h"
 #include "server/rpc/hub.h"
 
 namespace ferrobench::server {
-
-class Sink;
 
 // What may follow what; whoever watches sees them in this order, without those that were over too soon.
 //   arming    to the first level               running, stopping, aborted
@@ -82,26 +85,28 @@ void describe(Visitor& visit, RunStatus& s) {
 struct RunSetup {
   std::string id{};
   RunPlan plan{};
-  std::shared_ptr<daq::Device> device{};
-  const daq::ReplaySource* replay = nullptr;  // what the device plays; null if it measures
+  std::shared_ptr<HeldDevice> device{};
+  bool last_use = true;  // the device is closed when the run is over
   std::string device_name{};
   daq::Limits limits{};
-  daq::Interlock interlock{};
   std::string path{};  // of the recording
   recordings::Existing existing = recordings::Existing::keep;
   std::function<std::string()> next_path{};  // where it goes if the path has just gone to another program
   std::string notes{};
   std::string rerun_of{};  // identifier of the recording that this run repeats
   bool real_time = true;
-  std::function<std::string()> stop_wanted{};  // asked with each block: why the run must end, or ""
+  std::function<std::string()> stop_wanted{};  // asked again and again: why the run must end, or ""
+  std::string folder{};  // where another server finds the bench if this one dies; "": none is to
 };
 
-class Run {
+class Run : private RunWatcher {
  public:
   // Everything that can be refused is refused here, before anything moves: Error(limit_exceeded) with every
   // problem of the program, Error(invalid_params) for the rate, Error(io_error | disk_full) for the file.
   Run(RunSetup setup, Hub& hub);
-  ~Run();  // aborts, and waits until the output is at zero
+  // The run of a bench that has lost its server, which goes on. Throws Error if nothing can be made of it.
+  Run(std::shared_ptr<BenchLink> link, std::function<std::string()> stop_wanted, Hub& hub);
+  ~Run() override;  // aborts, and waits until the output is at zero
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;
 
@@ -110,9 +115,9 @@ class Run {
 
   const std::string& id() const { return setup_.id; }
   RunStatus status() const;
-  bool output_at_zero() const { return guard_->outcome().output_at_zero; }  // before the file is whole, too
+  bool output_at_zero() const;        // before the file is whole, too
   std::size_t queued_blocks() const;  // acquired, not yet with the writer
-  bool over() const { return is_over(status().state); }
+  bool over() const;
 
   // Error(bad_state) where that makes no sense now.
   void pause();
@@ -123,30 +128,48 @@ class Run {
   void wait();                                                // until the recording is whole
 
  private:
-  struct Pipe;
-  void acquire();
-  void write();
+  void status(const bench::RunState& state) override;
+  void event(const bench::Noted& event) override;
+  void closed(const bench::Closed& closed) override;
+  void lost(const std::string& why) override;
+
+  void prepare();
+  std::string card() const;
+  void follow();
+  void show();
+  void finish(const bench::Closed& closed);
+  void recover(const std::string& why);
+  void end(RunState state, const std::string& reason, bool recorded);
+  void publish(const recordings::Event& event);
   void tell();
 
   RunSetup setup_;
   Hub& hub_;
-  std::unique_ptr<Pipe> pipe_;
-  std::unique_ptr<Sink> sink_;
-  std::unique_ptr<daq::Guard> guard_;
-  protocols::SampledWaveform program_;
+  std::shared_ptr<BenchLink> link_;
+  std::uint32_t number_ = 0;  // on the bench
+  double rate_ = 1;           // Hz
+  std::vector<recordings::Event> first_events_;
+  std::optional<recordings::BegunRecording> recording_;
+  std::optional<recordings::JournalFollower> follower_;
+  std::optional<LiveStream> live_;
   std::string started_;
   std::chrono::steady_clock::time_point begin_;
 
   mutable std::mutex mutex_;  // over what follows
+  std::condition_variable changed_;
+  bench::RunState last_;
+  std::optional<bench::Closed> closed_;
+  std::optional<std::string> lost_;
   RunState state_ = RunState::arming;
   std::string reason_, ended_, warning_;
   bool at_zero_ = false;
   bool recorded_ = true;
 
+  bool begun_ = false;
   std::atomic<bool> asked_to_stop_ = false;
   std::mutex telling_;  // what is told comes in the order in which it was so
   std::mutex joining_;
-  std::thread writer_, acquisition_;
+  std::thread follower_thread_;
 };
 
 }  // namespace ferrobench::server

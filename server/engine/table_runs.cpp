@@ -82,7 +82,7 @@ recordings::Comparison run_table(const std::string& table, const std::vector<Run
   std::vector<std::unique_ptr<Run>> runs;
   for (std::size_t i = 0; i < requests.size(); ++i) {
     auto plan = make_plan(requests[i], store);
-    std::shared_ptr<daq::Device> device = daq::open_device(requests[i].device, plan.device_config);
+    auto device = std::make_shared<HeldDevice>(daq::open_device(requests[i].device, plan.device_config));
     const auto name = plan.protocol.name() + "_" + table + "_" + std::to_string(i + 1) + ".h5";
     runs.push_back(
         std::make_unique<Run>(RunSetup{.id = name,

@@ -29,8 +29,10 @@ namespace {
 
 constexpr unsigned patience = 300;  // s for one file, on a slow machine under a sanitizer
 
+constexpr std::size_t sample_rows = 400;
+
 Recording sample() {
-  constexpr std::size_t rows = 400;
+  constexpr auto rows = sample_rows;
   Recording r;
   r.header.title = "sample";
   r.header.start_time = r.end_time = "2026-01-01T00:00:00.000000Z";
@@ -92,6 +94,51 @@ void copy_attributes(hid_t from, hid_t to) {
   }
 }
 
+// A chunk is compressed once, and stands for all. `width` of a row; 0: the dataset has one dimension.
+void write_chunks(hid_t dataset, hid_t type, std::uint64_t rows, hsize_t width, hsize_t chunk) {
+  const std::array<hsize_t, 2> size{chunk, width}, origin{0, 0};
+  const int rank = width == 0 ? 1 : 2;
+  const auto one = h5::space(H5Screate_simple(rank, size.data(), nullptr));
+  const auto all = h5::space(H5Dget_space(dataset));
+  H5Sselect_hyperslab(all.get(), H5S_SELECT_SET, origin.data(), nullptr, size.data(), nullptr);
+  const std::string bytes(static_cast<std::size_t>(chunk * std::max<hsize_t>(width, 1)) * H5Tget_size(type),
+                          '\0');
+  H5Dwrite(dataset, type, one.get(), all.get(), H5P_DEFAULT, bytes.data());
+  H5Dflush(dataset);
+  hsize_t stored = 0;
+  H5Dget_chunk_storage_size(dataset, origin.data(), &stored);
+  std::uint32_t filters = 0;
+  std::string packed(stored, '\0');
+  H5Dread_chunk(dataset, H5P_DEFAULT, origin.data(), &filters, packed.data());
+  for (std::array<hsize_t, 2> at{chunk, 0}; at[0] < rows; at[0] += chunk)
+    H5Dwrite_chunk(dataset, H5P_DEFAULT, filters, at.data(), packed.size(), packed.data());
+}
+
+// The samples' datasets with so many rows of zeros.
+void copy_with_zeros(hid_t source, hid_t to, const std::string& name, std::uint64_t rows) {
+  const auto type = h5::type(H5Dget_type(source));
+  const auto space = h5::space(H5Dget_space(source));
+  std::array<hsize_t, 2> size{}, chunk{hsize_t{1} << 20, 0};
+  const int rank = H5Sget_simple_extent_dims(space.get(), size.data(), nullptr);
+  size[0] = rows;
+  chunk[1] = size[1];
+  const auto how = h5::properties(H5Pcreate(H5P_DATASET_CREATE));
+  H5Pset_chunk(how.get(), rank, chunk.data());
+  H5Pset_deflate(how.get(), 9);
+  const auto larger = h5::space(H5Screate_simple(rank, size.data(), nullptr));
+  const auto target = h5::dataset(
+      H5Dcreate2(to, name.c_str(), type.get(), larger.get(), H5P_DEFAULT, how.get(), H5P_DEFAULT));
+  write_chunks(target.get(), type.get(), rows, size[1], chunk[0]);
+  copy_attributes(source, target.get());
+}
+
+bool is_of_samples(hid_t dataset, std::size_t rows) {
+  const auto space = h5::space(H5Dget_space(dataset));
+  std::array<hsize_t, 2> size{};
+  return H5Sget_simple_extent_ndims(space.get()) > 0 &&
+         H5Sget_simple_extent_dims(space.get(), size.data(), nullptr) > 0 && size[0] == rows;
+}
+
 // Many small chunks; the title as text of variable length, as Python writes it.
 void copy_dataset(hid_t source, hid_t to, const std::string& name) {
   auto type = h5::type(H5Dget_type(source));
@@ -117,7 +164,8 @@ void copy_dataset(hid_t source, hid_t to, const std::string& name) {
   copy_attributes(source, target.get());
 }
 
-void copy_group(hid_t from, hid_t to) {
+// `zeros`: so many rows of them take the place of the samples.
+void copy_group(hid_t from, hid_t to, std::optional<std::uint64_t> zeros = {}) {
   copy_attributes(from, to);
   H5G_info_t info;
   H5Gget_info(from, &info);
@@ -125,21 +173,23 @@ void copy_group(hid_t from, hid_t to) {
     std::array<char, 100> name{};
     H5Lget_name_by_idx(from, ".", H5_INDEX_NAME, H5_ITER_INC, i, name.data(), name.size(), H5P_DEFAULT);
     const auto source = h5::object(H5Oopen(from, name.data(), H5P_DEFAULT));
-    if (H5Iget_type(source.get()) == H5I_DATASET) {
+    if (H5Iget_type(source.get()) == H5I_DATASET && zeros && is_of_samples(source.get(), sample_rows)) {
+      copy_with_zeros(source.get(), to, name.data(), *zeros);
+    } else if (H5Iget_type(source.get()) == H5I_DATASET) {
       copy_dataset(source.get(), to, name.data());
     } else {
       const auto target = h5::group(H5Gcreate2(to, name.data(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
-      copy_group(source.get(), target.get());
+      copy_group(source.get(), target.get(), zeros);
     }
   }
 }
 
 // As a program writes it that asks for nothing special: the oldest layout, without checksums.
-void copy_plainly(const std::string& from, const std::string& to) {
+void copy_plainly(const std::string& from, const std::string& to, std::optional<std::uint64_t> zeros = {}) {
   h5::prepare_thread();
   const auto source = h5::file(H5Fopen(from.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT));
   const auto target = h5::file(H5Fcreate(to.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
-  copy_group(source.get(), target.get());
+  copy_group(source.get(), target.get(), zeros);
 }
 
 std::string journal_of(const Recording& r, const std::string& path) {
@@ -363,6 +413,20 @@ std::array<std::string, 4> sound_files(const fs::path& folder) {
   for (const auto& sound : {path, plain}) recordings::read_recording(sound);
   recordings::import_csv(columns_of(csv.str()));
   return {slurp(path), slurp(plain), journal_of(r, (folder / "journal.h5").string()), csv.str()};
+}
+
+std::vector<std::string> forged_files(int files, std::uint64_t seed, const fs::path& folder) {
+  const auto sound = sound_files(folder)[static_cast<std::size_t>(DamagedKind::recording)];
+  const auto parts = checked_parts(sound);
+  Random random(seed);
+  std::vector<std::string> out;
+  while (out.size() < static_cast<std::size_t>(files)) out.push_back(forged(sound, parts, random));
+  return out;
+}
+
+void write_zeros(std::uint64_t rows, const std::string& path, const fs::path& folder) {
+  sound_files(folder);
+  copy_plainly((folder / "whole.h5").string(), path, rows);
 }
 
 DamageFigures damage_files(int files, std::uint64_t seed, const fs::path& folder) {

@@ -28,6 +28,13 @@ std::ostream& operator<<(std::ostream& out, const DamageFigures& figures);
 // The bytes of a sound file of each kind but the last; `folder` is for making them.
 std::array<std::string, 4> sound_files(const std::filesystem::path& folder);
 
+// The bytes of `files` recordings with wrong structure and right checksums for it.
+std::vector<std::string> forged_files(int files, std::uint64_t seed, const std::filesystem::path& folder);
+
+// A recording at `path` whose datasets of samples have `rows` rows of zeros each, which take a thousandth of
+// that in the file. `folder` is for making it.
+void write_zeros(std::uint64_t rows, const std::string& path, const std::filesystem::path& folder);
+
 // `files` files of every kind in turn, one after the other in `folder`, so that the one that a crash is due
 // to is left there.
 DamageFigures damage_files(int files, std::uint64_t seed, const std::filesystem::path& folder);

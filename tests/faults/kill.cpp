@@ -43,7 +43,8 @@ server::RunRequest request(const Kind& kind) {
 
 [[noreturn]] void run_child(const Kind& kind, const fs::path& data, const std::string& path, int told) {
   server::Hub hub;
-  server::Engine engine(data, hub);
+  // All of it in the process that is killed, its bench too.
+  server::Engine engine(data, hub, daq::open_device);
   engine.start(request(kind), path);
   for (;;) {
     const auto status = engine.status();

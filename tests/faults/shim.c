@@ -5,7 +5,8 @@
 //   (ENOSPC for all that takes room), slow (0.4 s)
 // - FAULT_AT: which call, from 1; 0: none
 // - FAULT_WHEN: instead of FAULT_AT, the first call once this file is there
-// - FAULT_COUNT: file that gets the number of calls at the end
+// - FAULT_COUNT: file that gets the number of calls at the end; FAULT_COUNT.shared: the processes of a command count
+//   together
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -15,6 +16,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
@@ -26,8 +28,19 @@ static const char *folder, *when;
 static enum kind kind;
 static int error_number;
 static long at;
-static atomic_long count;
+static atomic_long own_count, *count = &own_count;
+enum { not_looked_at, our_file, another_file };
 static atomic_char ours[most_files];
+
+static void count_together(const char* path) {
+  char name[4096];
+  snprintf(name, sizeof name, "%s.shared", path);
+  const int file = (int)syscall(SYS_openat, AT_FDCWD, name, O_RDWR | O_CREAT, 0600);
+  if (file < 0 || syscall(SYS_ftruncate, file, sizeof *count) != 0) return;
+  void* memory = mmap(NULL, sizeof *count, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+  if (memory != MAP_FAILED) count = memory;
+  syscall(SYS_close, file);
+}
 
 __attribute__((constructor)) static void begin(void) {
   const char* name = getenv("FAULT_KIND");
@@ -41,6 +54,7 @@ __attribute__((constructor)) static void begin(void) {
          : strcmp(name, "hang") == 0 ? hang
          : strcmp(name, "slow") == 0 ? slow
                                      : fail;
+  if (getenv("FAULT_COUNT") != NULL) count_together(getenv("FAULT_COUNT"));
   error_number = strcmp(name, "EIO") == 0 ? EIO : strcmp(name, "EINTR") == 0 ? EINTR : ENOSPC;
 }
 
@@ -48,14 +62,14 @@ __attribute__((destructor)) static void end(void) {
   const char* path = getenv("FAULT_COUNT");
   if (path == NULL) return;
   char text[32];
-  const int length = snprintf(text, sizeof text, "%ld\n", atomic_load(&count));
+  const int length = snprintf(text, sizeof text, "%ld\n", atomic_load(count));
   const int file = (int)syscall(SYS_openat, AT_FDCWD, path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
   if (file >= 0 && syscall(SYS_write, file, text, length) == length) syscall(SYS_close, file);
 }
 
 // Counts the call and says what becomes of it.
 static enum kind fate(int takes_room) {
-  const long number = atomic_fetch_add(&count, 1) + 1;
+  const long number = atomic_fetch_add(count, 1) + 1;
   if (when != NULL && at == 0 && faccessat(AT_FDCWD, when, F_OK, 0) == 0) at = number;
   if (at == 0 || number < at || (kind != full && kind != slow && number != at)) return none;
   if (kind == hang) sleep(13);
@@ -74,8 +88,17 @@ static int is_ours(const char* path) {
   return folder != NULL && strncmp(path, folder, strlen(folder)) == 0;
 }
 
+// A file that another process has passed on was opened there.
 static int is_our_file(int file) {
-  return file >= 0 && file < most_files && atomic_load(&ours[file]);
+  if (folder == NULL || file < 0 || file >= most_files) return 0;
+  if (ours[file] == not_looked_at) {
+    char link[64], path[4096];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", file);
+    const ssize_t length = readlink(link, path, sizeof path - 1);
+    path[length < 0 ? 0 : length] = 0;
+    ours[file] = is_ours(path) ? our_file : another_file;
+  }
+  return ours[file] == our_file;
 }
 
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
@@ -89,14 +112,14 @@ static int is_our_file(int file) {
     const int counted = is_ours(path);                                        \
     if (counted && fails(flags & O_CREAT)) return -1;                         \
     const int file = NEXT(name)(path, flags, mode);                           \
-    if (file >= 0 && file < most_files) ours[file] = (char)counted;           \
+    if (file >= 0 && file < most_files) ours[file] = counted ? our_file : another_file;           \
     return file;                                                              \
   }
 OPEN(open)
 OPEN(open64)
 
 int close(int file) {
-  if (file >= 0 && file < most_files) ours[file] = 0;
+  if (file >= 0 && file < most_files) ours[file] = not_looked_at;
   return NEXT(close)(file);
 }
 

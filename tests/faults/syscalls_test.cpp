@@ -36,6 +36,7 @@ class Syscalls : public ::testing::TestWithParam<const char*> {
 
   Said run(const std::string& kind, long at, bool fast = true) {
     const auto said = (folder.path / "said").string();
+    fs::remove(folder.path / "count.shared");
     std::ostringstream command;
     command << "FERROBENCH_DATA=" << folder.path / "data"
             << " FAULT_FOLDER=" << folder.path / "out"

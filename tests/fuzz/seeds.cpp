@@ -1,11 +1,12 @@
-// ferrobench_fuzz_seeds FOLDER: FOLDER/recording and FOLDER/journal, each with inputs for the target of that
-// name.
+// ferrobench_fuzz_seeds FOLDER: FOLDER/recording, FOLDER/journal and FOLDER/bench, each with inputs for the
+// target of that name.
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 
 #include "recordings/journal/records.h"
 #include "tests/faults/damage.h"
+#include "tests/server/bench_messages.h"
 
 namespace ferrobench {
 namespace {
@@ -46,6 +47,8 @@ int main(int argc, char** argv) {
   put(folder / "recording" / "checked", recording);
   put(folder / "recording" / "journal", journal);
   put(folder / "journal" / "whole", without_heads(journal));
+  int number = 0;
+  for (const auto& frame : bench::frames()) put(folder / "bench" / std::to_string(number++), frame);
   fs::remove_all(work);
   return 0;
 }

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "engine_bench.h"
+#include "model/effects/catalogue.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/writer.h"
 #include "server/cli/words.h"
@@ -189,6 +190,25 @@ TEST_F(Cli, HintsNameCommandsThatExist) {
       EXPECT_NO_THROW(help_of({first, second})) << command;
     }
   }
+}
+
+TEST_F(Cli, EffectsAreListedWithUnitsAndRanges) {
+  const auto all = run({"effects"});
+  EXPECT_EQ(all.code, exit_ok) << all.err;
+  const auto listed = nlohmann::json::parse(run({"effects", "--json"}).out).at("effects");
+  EXPECT_EQ(listed.size(), model::effect_catalogue().size());
+  for (const auto& effect : model::effect_catalogue())
+    EXPECT_THAT(all.out, HasSubstr(std::string(effect.id) + " ("));
+  const auto one = run({"effects", "contact_gap"});
+  EXPECT_THAT(one.out, HasSubstr("F_spring = k max(0, x - gap)"));
+  EXPECT_THAT(one.out, testing::ContainsRegex("gap +m +1e-08 to 2e-05\n"));
+  EXPECT_THAT(run({"effects", "charge_offset_current"}).out,
+              HasSubstr("A              1e-10 to 1e-05, either sign"));
+  EXPECT_THAT(run({"effects", "empirical_rate"}).out, HasSubstr("empirical: never a candidate"));
+  EXPECT_THAT(run({"effects", "contact_gab"}).err, HasSubstr("did you mean \"contact_gap\"?"));
+  const auto unknown = run({"effects", "qqqqq"});
+  EXPECT_EQ(unknown.code, exit_error);
+  EXPECT_THAT(unknown.err, HasSubstr("'ferrobench effects' lists them"));
 }
 
 TEST_F(Cli, PreviewCallsASineASineAndSpeaksInTheProgramsUnit) {

@@ -1,5 +1,6 @@
 #!/bin/sh
-# A daemon that is killed in the middle of a run, and the next one: it recovers the recording before it listens.
+# A daemon that is killed with its bench process in the middle of a run, as by the end of the machine, and the next one:
+# it recovers the recording before it listens. bench_deaths.py kills either of them.
 #   sh daemon_crash.sh PROGRAM
 set -eu
 program=$1
@@ -26,13 +27,23 @@ start() {
   daemon=$!
   until_true "$program" call system.info
 }
+bench_processes() {
+  for folder in /proc/[0-9]*; do
+    if grep -q "^ferrobench: holds the voltage" "$folder/cmdline" 2>/dev/null &&
+       grep -q "$DATA" "$folder/environ" 2>/dev/null; then
+      echo "${folder#/proc/}"
+    fi
+  done
+}
 has_rows() { "$program" call run.status | grep -q '"rows_on_disk": [1-9]'; }
 
 start
 "$program" call run.start '{"protocol": "creep-6-holds-fast", "model": "soft-pzt"}' >/dev/null
 until_true has_rows
 "$program" list | grep -q " running " || fail "the list does not show the run under way"
-kill -KILL "$daemon"
+bench=$(bench_processes)
+[ -n "$bench" ] || fail "no process holds the voltage"
+kill -KILL "$daemon" $bench
 wait "$daemon" 2>/dev/null || true
 
 start

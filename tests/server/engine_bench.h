@@ -7,14 +7,15 @@
 #include <filesystem>
 #include <string>
 
+#include "daq/registry.h"
 #include "recordings/format/parts.h"
 #include "server/engine/engine.h"
 
 namespace ferrobench::server {
 
 struct Folder {
-  Folder() {
-    auto name = (std::filesystem::temp_directory_path() / "engine-XXXXXX").string();
+  explicit Folder(const std::filesystem::path& within = std::filesystem::temp_directory_path()) {
+    auto name = (within / "engine-XXXXXX").string();
     path = mkdtemp(name.data());
   }
   ~Folder() { std::filesystem::remove_all(path); }

@@ -1,11 +1,12 @@
-// The parts of the engine that need no run: settings, the lease, jobs, live samples, the sink, CSV.
+// The parts of the engine that need no run: settings, the lease, jobs, live samples, the recorder, CSV.
 #include <cmath>
 
 #include "engine_bench.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
+#include "server/bench/recorder.h"
 #include "server/engine/live.h"
-#include "server/engine/sink.h"
 #include "server/methods/methods.h"
 
 namespace ferrobench::server {
@@ -341,25 +342,42 @@ TEST(Live, MergingKeepsExtremesAndStaysSmall) {
   EXPECT_EQ(columns["field"]["first"][0], 0);
 }
 
-TEST(Sink, LostRowsAreNotANumber) {
+// Begun by the server, measured by the bench, followed and made into a file by the server.
+TEST(Recorder, LostRowsAreNotANumber) {
   const Folder folder;
-  Hub hub;
-  hub.add_topic(samples_topic());
-  hub.add_topic({.name = "events", .doc = ""});
   recordings::Header header;
   header.specimen = {"s", 0.01, 1e-4, 1e-4, 10};
   const auto path = (folder.path / "gap.h5").string();
-  Sink sink(path, recordings::Existing::keep, header, daq::Scaling({{Channel::field, 2.0, 1.0}}, {}, 10), hub,
-            "r");
+  const daq::Scaling scaling({{Channel::field, 2.0, 1.0}}, {}, 10);
+  const recordings::Begin begin{header,
+                                {scaling.channels().begin(), scaling.channels().end()},
+                                {scaling.columns().begin(), scaling.columns().end()}};
+  recordings::BegunRecording file(path, begin, recordings::Existing::keep);
+  recordings::JournalFollower follower(file.journal(), begin);
+  std::vector<recordings::Event> told;
+  bench::Recorder recorder(file.journal(), recordings::journal_path(path), scaling,
+                           [&](const recordings::Event& event) { told.push_back(event); });
   daq::SampleBlock block;
   block.rows = 2;
   block.counts = {1, 2};
   block.command = {0, 1};
-  sink.take(block);
+  recorder.take(block);
   block.first_sample = 5;
   block.events = {{0.2, "gap", "3 rows were lost"}};
-  sink.take(block);
-  EXPECT_TRUE(sink.finish("complete", "", {}, {}));
+  recorder.take(block);
+  EXPECT_EQ(told.size(), 1u);
+  std::vector<double> followed;
+  follower.next(1u << 20, [&](const recordings::Columns& rows) {
+    followed.insert(followed.end(), rows.time.begin(), rows.time.end());
+  });
+  EXPECT_EQ(followed.size(), 7u);
+  follower.next(1u << 20, [](const recordings::Columns&) { ADD_FAILURE() << "the same rows again"; });
+  EXPECT_EQ(recordings::journal_state(path), recordings::JournalState::being_written);
+  recordings::Ending ending{.end_time = {}, .status = "complete", .reason = {}, .segments = {}, .noise = {}};
+  recorder.finish(ending, "2026-01-01T00:00:00Z");
+  EXPECT_EQ(recorder.rows_kept(), 7u);
+  file.finish(ending, recorder.rows_kept());
+  EXPECT_EQ(recordings::journal_state(path), recordings::JournalState::none);
   const auto r = recordings::read_recording(path);
   ASSERT_EQ(r.size(), 7u);
   const auto& field = r.at(Channel::field);

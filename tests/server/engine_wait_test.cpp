@@ -125,8 +125,8 @@ TEST_F(SlowOpening, ShuttingDownWaitsForItAndStopsIt) {
 TEST_F(EngineTest, ADeviceThatTakesItsTimeKeepsNobodyFromStopping) {
   const auto id = engine.open_device("virtual", {{"clock", "fast"}});
   Door door;
-  auto used =
-      std::async(std::launch::async, [&] { engine.with_device(id, [&](daq::Device&) { door.pass(); }); });
+  auto used = std::async(std::launch::async,
+                         [&] { engine.with_device(id, [&](const daq::DeviceFacts&) { door.pass(); }); });
   door.await_visitor();
   auto looked = std::async(std::launch::async, [&] { return engine.status(); });
   EXPECT_EQ(looked.wait_for(1s), std::future_status::ready);

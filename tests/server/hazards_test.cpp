@@ -24,7 +24,7 @@ struct HazardTest : EngineTest {
     RunSetup setup;
     setup.id = "run";
     setup.plan = make_plan(request(trapezium(0.5, 1), true), engine.store());
-    setup.device = device;
+    setup.device = std::make_shared<HeldDevice>(device);
     setup.path = path;
     server::Run run(std::move(setup), hub);
     run.begin();

@@ -8,11 +8,11 @@
 
 #include <fstream>
 
+#include "base/unix_socket.h"
 #include "engine_bench.h"
 #include "model/model.h"
 #include "net_bench.h"
 #include "server/methods/methods.h"
-#include "server/net/unix_socket.h"
 
 namespace ferrobench::server {
 namespace {

@@ -10,9 +10,9 @@
 #include <csignal>
 #include <future>
 
+#include "base/unix_socket.h"
 #include "net_bench.h"
 #include "server/net/client.h"
-#include "server/net/unix_socket.h"
 
 namespace ferrobench::server {
 namespace {

@@ -8,9 +8,9 @@
 #include <fstream>
 #include <thread>
 
+#include "base/unix_socket.h"
 #include "net_bench.h"
 #include "server/net/client.h"
-#include "server/net/unix_socket.h"
 
 namespace ferrobench::server {
 namespace {

@@ -18,7 +18,7 @@ bool takes(const json& schema, const char* type) {
 // Every part of a schema that leaves open what it is.
 void find_open(const json& schema, const std::string& path, std::vector<std::string>& out) {
   if (!schema.is_object()) return;
-  if (!schema.contains("type") && !schema.contains("enum")) out.push_back(path + " has no type");
+  if (!schema.contains("type")) out.push_back(path + " has no type");
   if (takes(schema, "object") && !schema.contains("properties")) out.push_back(path + " has no properties");
   if (takes(schema, "array") && !schema.contains("items")) out.push_back(path + " has no items");
   const auto members = schema.value("properties", json::object());
@@ -87,7 +87,10 @@ TEST_F(OpenRpc, LeavesNothingOpen) {
       find_open(param["schema"], path, open);
       if (param.value("description", "").empty()) open.push_back(path + " has no description");
     }
-    find_open(method["result"]["schema"], name + " ->", open);
+    const auto& result = method["result"]["schema"];
+    find_open(result, name + " ->", open);
+    if (takes(result, "object") && result["properties"].empty())
+      open.push_back(name + " says nothing of its result");
   }
   for (const auto& topic : document["x-notifications"]) find_open(topic["params"], topic["name"], open);
   EXPECT_THAT(open, testing::IsEmpty());
@@ -112,11 +115,32 @@ TEST_F(OpenRpc, EachMethodListsItsOwnErrors) {
   EXPECT_LT(all, document["methods"].size() * 8);
 }
 
+// What is shown as a call would be taken: its parameters are those there are, all that must be there, and of
+// their types.
+TEST_F(OpenRpc, EachMethodHasAnExample) {
+  for (const auto& method : document["methods"]) {
+    const auto name = method["name"].get<std::string>();
+    ASSERT_EQ(method.value("examples", json::array()).size(), 1u) << name;
+    json shown = json::object();
+    for (const auto& param : method["examples"][0]["params"])
+      shown[param["name"].get<std::string>()] = param["value"];
+    json schema{{"type", "object"}, {"properties", json::object()}, {"additionalProperties", false}};
+    for (const auto& param : method["params"]) {
+      schema["properties"][param["name"].get<std::string>()] = param["schema"];
+      EXPECT_TRUE(!param["required"].get<bool>() || shown.contains(param["name"]))
+          << name << " " << param["name"];
+    }
+    find_strange(shown, schema, name, strange);
+  }
+  EXPECT_THAT(strange, testing::IsEmpty());
+  EXPECT_EQ(method_examples().size(), document["methods"].size()) << "one of them is of no method";
+}
+
 // What comes back is what the document says.
 TEST_F(OpenRpc, IsTrue) {
-  for (const auto* name :
-       {"system.info", "limits.get", "device.list", "protocol.list", "protocol.schema", "model.list",
-        "model.schema", "lease.status", "run.status", "run.list", "rpc.discover"})
+  for (const auto* name : {"system.info", "limits.get", "device.list", "protocol.list", "protocol.schema",
+                           "model.list", "model.schema", "model.effects", "table.list", "lease.status",
+                           "run.status", "run.list", "rpc.discover"})
     call(name, json::object());
   call("limits.set", {{"field_max", 1.5e6}});
   const auto shipped = call("protocol.get", {{"name", "full-loops"}})["protocol"];

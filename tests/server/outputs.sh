@@ -53,7 +53,14 @@ said "being written" "a second run"
 kill -9 $child
 wait $child 2>/dev/null
 same good.h5 kept.h5 "killed in the middle"
-run --out good.h5 --force >/dev/null 2>&1 || fail "--force after a kill"
+# The bench process that the command left brings the output to zero, as the refusal says, and ends.
+tries=0
+until run --out good.h5 --force >/dev/null 2>refusal.txt; do
+  grep -q "until its output is at zero" refusal.txt || fail "--force after a kill: $(cat refusal.txt)"
+  [ $tries = 60 ] && fail "the bench of a killed command does not end"
+  sleep 0.5
+  tries=$((tries + 1))
+done
 cp good.h5 kept.h5
 
 # No source is replaced, by whatever name.

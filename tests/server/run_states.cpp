@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
+#include <csignal>
+#include <fstream>
 #include <random>
 #include <thread>
 
@@ -54,12 +56,14 @@ std::unique_ptr<daq::Device> open_slowly(const std::string& kind, const json& co
 struct Bench {
   Folder folder{};
   Hub hub{};
-  Engine engine{folder.path, hub, open_slowly};
+  Engine engine;
   Dispatcher rpc{};
   Board board{};
   Clock::time_point begin = Clock::now();
 
-  Bench() { add_all_methods(rpc, engine); }
+  explicit Bench(bool process) : engine(folder.path, hub, process ? DeviceOpener{} : open_slowly) {
+    add_all_methods(rpc, engine);
+  }
   double now() const { return std::chrono::duration<double>(Clock::now() - begin).count(); }
 };
 
@@ -263,6 +267,38 @@ class Client {
   CallContext caller_;
 };
 
+// The bench processes that this program has started and that live.
+std::vector<pid_t> bench_processes() {
+  std::vector<pid_t> out;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    const auto process = static_cast<pid_t>(std::strtol(entry.path().filename().c_str(), nullptr, 10));
+    if (process <= 0) continue;
+    std::string name, word;
+    std::getline(std::ifstream(entry.path() / "cmdline"), name, '\0');
+    std::ifstream stat(entry.path() / "stat");
+    for (int i = 0; i < 4; ++i) stat >> word;  // number, name without a space, state, parent
+    if (name.starts_with("ferrobench: holds") && word == std::to_string(getpid())) out.push_back(process);
+  }
+  return out;
+}
+
+// Kills the bench at any moment until `enough`.
+std::vector<Ask> kill_benches(const Bench& bench, int client, std::uint64_t seed,
+                              const std::atomic<bool>& enough) {
+  std::mt19937_64 random(seed);
+  std::vector<Ask> out;
+  while (!enough) {
+    usleep(std::uniform_int_distribution<useconds_t>(0, 900'000)(random));
+    for (const auto process : bench_processes()) {
+      Ask death{.client = client, .method = std::string(bench_death), .begin = bench.now()};
+      kill(process, SIGKILL);
+      death.end = bench.now();
+      out.push_back(std::move(death));
+    }
+  }
+  return out;
+}
+
 // Sees all that the topic "run" tells, and looks at what each run left.
 class Observer {
  public:
@@ -319,8 +355,8 @@ class Observer {
   void look_at(const RunStatus& run) {
     for (const auto& id : bench_.engine.open_devices()) {
       try {
-        bench_.engine.with_device(id, [&](daq::Device& device) {
-          if (device.output() != 0) failures.push_back(id + " has a voltage at its output and no run");
+        bench_.engine.with_device(id, [&](const daq::DeviceFacts& device) {
+          if (device.output != 0) failures.push_back(id + " has a voltage at its output and no run");
         });
       } catch (const Error&) {  // has a run, or was closed
       }
@@ -329,7 +365,7 @@ class Observer {
     try {
       const auto r = recordings::read_recording(run.path);
       const auto& command = r.at(recordings::Channel::command);
-      if (command.back() != 0)
+      if (command.back() != 0 && r.status != "recovered")
         failures.push_back(run.run + " was recorded until " + json(command.back()).dump());
       if (static_cast<std::int64_t>(r.size()) != run.rows)
         failures.push_back(run.run + " has " + std::to_string(r.size()) + " rows in its file");
@@ -354,17 +390,23 @@ class Observer {
 
 }  // namespace
 
-Figures play(std::size_t steps, int clients, std::uint64_t seed) {
-  Bench bench;
+Figures play(std::size_t steps, int clients, std::uint64_t seed, bool deaths) {
+  Bench bench(deaths);
   Observer observer(bench);
   std::deque<Client> all;
   for (int i = 0; i < clients; ++i) all.emplace_back(bench, i, seed);
-  {
-    std::vector<std::jthread> threads;
-    for (auto& client : all)
-      threads.emplace_back([&] { client.work(steps / static_cast<std::size_t>(clients)); });
-  }
   std::vector<Ask> asks;
+  {
+    std::atomic<bool> enough = false;
+    std::jthread killer;
+    if (deaths) killer = std::jthread([&] { asks = kill_benches(bench, clients + 1, seed, enough); });
+    {
+      std::vector<std::jthread> threads;
+      for (auto& client : all)
+        threads.emplace_back([&] { client.work(steps / static_cast<std::size_t>(clients)); });
+    }
+    enough = true;
+  }
   for (auto& client : all) std::ranges::move(client.asks, std::back_inserter(asks));
   // The last run is stopped by one who has no lease.
   CallContext stranger{.client = "stranger", .lease = "", .subscriber = {}};

@@ -5,6 +5,9 @@
 //
 // What is asked is drawn from the seed. Threads take turns as they like, so the same seed gives the same
 // questions, not the same answers; everything is kept, and judged when all is over.
+//
+// With `deaths` the bench is a process, which is killed again and again at any moment: it may end runs, which
+// are broken off then, and cost a call its device, and nothing else. A kill is an Ask for bench_death.
 #pragma once
 
 #include <cstdint>
@@ -43,7 +46,9 @@ struct Figures {
 };
 std::ostream& operator<<(std::ostream& out, const Figures& figures);
 
-Figures play(std::size_t steps, int clients, std::uint64_t seed);
+inline constexpr std::string_view bench_death = "bench.death";
+
+Figures play(std::size_t steps, int clients, std::uint64_t seed, bool deaths = false);
 
 // Adds to figures.failures what cannot be.
 void judge(const std::vector<Ask>& asks, const std::vector<Told>& told, Figures& figures);

@@ -139,6 +139,13 @@ void find_intervals(const std::vector<Ask>& asks, Traces& traces, Failures& fail
 void justify(const std::vector<Ask>& asks, Traces& traces, Failures& failures) {
   for (const auto& ask : asks) {
     if (!ask.error.empty()) continue;
+    if (ask.method == bench_death) {
+      // It is noticed a little later, when the next run may have begun.
+      constexpr double late = 1;  // s
+      for (auto& [id, trace] : traces)
+        trace.stops += trace.possible.begin <= ask.end + late && ask.begin <= trace.possible.end ? 1 : 0;
+      continue;
+    }
     const bool stop = ask.method == "run.abort" || ask.method == "job.cancel";
     if (!stop && ask.method != "run.pause" && ask.method != "run.resume") continue;
     const auto given = ask.params.value(ask.method == "job.cancel" ? "job" : "run", "");
@@ -184,6 +191,13 @@ const std::set<std::string>& errors_of(const std::string& method) {
   return all.at(method);
 }
 
+// Asks something of the bench that it may not live to answer.
+bool uses_device(const std::string& method) {
+  static const std::set<std::string> all{"run.start",   "run.pause",    "run.resume",
+                                         "device.open", "device.close", "device.info"};
+  return all.contains(method);
+}
+
 std::string text(const Ask& ask) {
   return ask.method + " " + ask.params.dump() + " by client " + std::to_string(ask.client) + " at " +
          std::to_string(ask.begin) + " s: " + (ask.error.empty() ? "no error" : ask.error);
@@ -191,13 +205,18 @@ std::string text(const Ask& ask) {
 
 // Errors that the method has, and one run at a time.
 void judge_answers(const std::vector<Ask>& asks, const Traces& traces, Figures& figures) {
+  const bool deaths = std::ranges::any_of(asks, [](const Ask& ask) { return ask.method == bench_death; });
   std::vector<const Ask*> refused;  // these had the bench, too, until they were
   for (const auto& ask : asks)
     if (starts(ask) && !ask.error.empty()) refused.push_back(&ask);
   for (const auto& ask : asks) {
     const auto fail = [&](const std::string& what) { figures.failures.push_back(text(ask) + ": " + what); };
     ++figures.answers[ask.method + (ask.error.empty() ? "" : " " + ask.error)];
-    if (!ask.error.empty() && !errors_of(ask.method).contains(ask.error)) fail("is no error of this method");
+    if (ask.method == bench_death) continue;
+    const bool died = deaths && uses_device(ask.method) &&
+                      (ask.error == "device_lost" || ask.error == "device_unavailable");
+    if (!ask.error.empty() && !died && !errors_of(ask.method).contains(ask.error))
+      fail("is no error of this method");
     if (ask.method == "run.list" &&
         std::ranges::count_if(ask.result.at("runs"),
                               [](const nlohmann::json& run) { return run.at("ended") == ""; }) > 1)
@@ -271,8 +290,9 @@ std::vector<Hold> holds(const std::vector<Ask>& asks) {
 }
 
 void judge_lease(const std::vector<Ask>& asks, Failures& failures) {
-  static const std::set<std::string> for_all{"run.status", "job.status",   "run.list",   "limits.get",
-                                             "run.abort",  "lease.status", "device.info"};
+  static const std::set<std::string> for_all{
+      "run.status", "job.status",   "run.list",    "limits.get",
+      "run.abort",  "lease.status", "device.info", std::string(bench_death)};
   const auto all = holds(asks);
   for (const auto& ask : asks) {
     if (for_all.contains(ask.method)) continue;

@@ -13,6 +13,13 @@ TEST(RunStates, NoneThatTheModelLacksHoweverManyAsk) {
   EXPECT_GE(figures.transitions.size(), 4u) << figures;
 }
 
+TEST(RunStates, NoneThatTheModelLacksThoughTheBenchDies) {
+  const auto figures = play(4000, 4, 2, true);
+  EXPECT_THAT(figures.failures, testing::IsEmpty());
+  EXPECT_GT(figures.runs, 3u) << figures;
+  EXPECT_GE(figures.answers.at(std::string(bench_death)), 2) << figures;  // fewer where calls are quick
+}
+
 // The judge itself: what a bench must not do is found.
 Told told(const std::string& run, RunState state) {
   Told out{.status = {.run = run, .state = state, .output_at_zero = is_over(state)}};

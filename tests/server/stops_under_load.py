@@ -1,20 +1,23 @@
 """How long run.abort takes while others keep the daemon busy.
 
     python3 stops_under_load.py PROGRAM [--rows N] [--runs N] [--calls N] [--within MS] [--ramp-within MS] [--discover]
+    umockdev-wrapper python3 stops_under_load.py PROGRAM --emulator EMULATOR ...
 
 8 viewers ask for HTML reports of a long recording, 50 clients subscribe to everything, 64 strangers hold connections and
 come again when they are dropped; with --discover a discovery computes on all cores as well. Meanwhile run.abort is called by
-HTTP, each time by a new connection: on so many runs under way on the virtual device, and between them. Prints the times from
-connecting to the reply, and to the first sample of the ramp to zero (the device gives its samples in pieces of 0.1 s); fails if
-the 99.9th percentile of one is above --within or --ramp-within.
+HTTP, each time by a new connection: on so many runs under way, and between them. Prints the times from connecting to the reply,
+and to the first step of the ramp to zero: on the virtual device by its samples, on the emulated unit by the unit's own output.
+Fails if the 99.9th percentile of one is above --within or --ramp-within.
 """
 import argparse
+import atexit
 import http.client
 import json
 import os
 import random
 import socket
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -25,9 +28,26 @@ parser.add_argument("--rows", type=int, default=2_000_000)
 parser.add_argument("--runs", type=int, default=300)
 parser.add_argument("--calls", type=int, default=3000)
 parser.add_argument("--within", type=float, default=50)
-parser.add_argument("--ramp-within", type=float, default=120)  # such a piece, and 20 ms
+parser.add_argument("--ramp-within", type=float, default=100)
 parser.add_argument("--discover", action="store_true")
+parser.add_argument("--emulator", help="of the unit on which the runs are, else they are on the virtual device")
+parser.add_argument("--folder", help=argparse.SUPPRESS)  # of the unit, within the emulator
 options = parser.parse_args()
+
+if options.emulator and not options.folder:  # this script once more, where there is a unit
+    folder = tempfile.mkdtemp(dir="/dev/shm")  # the unit waits for no disk
+    unit = {"board": "bench", "fpga_loaded": True, "output_log": f"{folder}/output.log",
+            "bench": {"fresh": True, "specimen": {"model": "mcl-op30"}}}
+    json.dump(unit, open(f"{folder}/unit.json", "w"))
+    with open(f"{folder}/device.json", "w") as out:
+        subprocess.run([options.emulator, "--config", f"{folder}/unit.json", "--device-config"], stdout=out, check=True)
+
+    def urgent():  # what stands for hardware has its own time
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(20))
+    sys.exit(subprocess.run([options.emulator, "--config", f"{folder}/unit.json", "--", sys.executable, *sys.argv,
+                             "--folder", folder], preexec_fn=urgent).returncode)
+if options.emulator:
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 folder = tempfile.mkdtemp()
 token_file = os.path.join(folder, "token")
@@ -40,6 +60,7 @@ for line in daemon.stdout:
         break
 token = open(token_file).read().strip()
 over = threading.Event()
+atexit.register(daemon.kill)
 
 
 def call(method, params=None, timeout=600):
@@ -63,6 +84,12 @@ def wait_for(*states):
     while (status := call("run.status")["result"])["state"] not in states:
         time.sleep(0.02)
     return status
+
+
+def begin_run(**asked):
+    reply = call("run.start", asked)
+    if "result" not in reply or (status := wait_for("running", "complete", "aborted"))["state"] != "running":
+        raise SystemExit(f"a run does not begin: {reply if 'result' not in reply else status}")
 
 
 rate = 100_000
@@ -125,7 +152,8 @@ def discover():
         job = call("discrepancy.start", {"recordings": [short]})["result"]["job"]
         while not over.is_set() and call("job.status", {"job": job})["result"]["state"] == "running":
             time.sleep(0.5)
-        call("job.cancel", {"job": job})
+        if not over.is_set():  # else the daemon goes, and the job with it
+            call("job.cancel", {"job": job})
 
 
 work = [view] * 8 + [listen] * 50 + [crowd]
@@ -158,15 +186,45 @@ def first_sample():
     return soonest
 
 
-stopped = 0
+LEVEL = 0.05e6  # V/m, of protocol()
+if options.emulator:
+    config = json.load(open(f"{options.folder}/device.json"))
+    config.update(update_rate=2000)  # the emulated unit computes its specimen at each tick
+    volt = config["amplifier"]["gain"] / config["specimen"]["layer_thickness"]  # V/m per V of the unit
+    asked = {"device": "usb", "config": config}
+else:
+    asked = {"set": {"device.domains": 16}}
+
+
+def outputs():
+    """[(time of day in s, V/m)] of the unit."""
+    rows = [line.split() for line in open(f"{options.folder}/output.log") if line.endswith("\n")]
+    return [(float(row[1]), float(row[2]) * volt) for row in rows]
+
+
+stopped, broken = 0, []
 for _ in range(options.runs):
-    call("run.start", {"protocol": protocol(60, 1000), "set": {"device.domains": 16}})
-    wait_for("running")
+    begin_run(protocol=protocol(60, 1000), **asked)
+    while options.emulator and (not outputs() or outputs()[-1][1] < 0.99 * LEVEL):
+        time.sleep(0.02)
+        if (status := call("run.status")["result"])["state"] != "running":
+            raise SystemExit(f"the run broke off: {status['reason']}")
     start = first_sample()
     time.sleep(random.uniform(0, 0.1))  # anywhere in a piece
+    pressed = time.time()
     begin, reply = timed_abort()
+    status = wait_for("aborted")
+    if not status["reason"].endswith("measured"):
+        broken.append(status["reason"])
+        continue
     stopped += "result" in reply
-    ramps.append((wait_for("aborted")["recording"], begin - start))
+    recording = status["recording"]
+    if options.emulator:  # a step of eight codes or more
+        while not (steps := [at for at, level in outputs() if at > pressed and level < LEVEL - 500]):
+            time.sleep(0.02)
+        ramps.append(1e3 * (steps[0] - pressed))
+    else:
+        ramps.append((recording, begin - start))
     for _ in range(options.calls // options.runs - 1):
         timed_abort()
         time.sleep(0.002)
@@ -189,8 +247,10 @@ def show(what, values):
 
 print(f"{len(times)} calls of run.abort, {stopped} of them on a run under way; {reports} reports meanwhile; load of the "
       f"machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+for reason in broken:
+    print("a run broke off by itself:", reason)
 late = show("to the reply", times) > options.within
-late |= show("to the ramp", [ramp(*each) for each in ramps]) > options.ramp_within
+late |= show("to the ramp", ramps if options.emulator else [ramp(*each) for each in ramps]) > options.ramp_within
 daemon.terminate()
 daemon.wait()
 raise SystemExit(late)

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 
@@ -145,6 +146,25 @@ TEST_F(Views, PublishedValuesStandBesideARecording) {
   EXPECT_EQ(measured, 6u) << "of the one prestress";
   EXPECT_EQ(refusal("table.compare", {{"table", "9.9"}, {"recordings", {name}}}).code(),
             ErrorCode::not_found);
+  const auto tables = call("table.list", json::object())["tables"];
+  ASSERT_EQ(tables.size(), 4u);
+  EXPECT_EQ(tables[1]["name"], "3.11");
+  EXPECT_EQ(tables[1]["title"], table["title"]);
+}
+
+// What a search names stands there with its equation, units and plausible sizes; a model may have it.
+TEST_F(Views, EffectsAreListed) {
+  const auto effects = call("model.effects", json::object())["effects"];
+  const auto lag = std::ranges::find_if(effects, [](const json& e) { return e["id"] == "displacement_lag"; });
+  ASSERT_NE(lag, effects.end());
+  EXPECT_EQ((*lag)["equation"], "xm = lag(x)");
+  EXPECT_EQ((*lag)["family"], "displacement sensor");
+  const auto& parameter = (*lag)["parameters"].at(0);
+  EXPECT_EQ(parameter["name"], "time_constant");
+  EXPECT_EQ(parameter["unit"], "s");
+  auto model = call("model.get", {{"name", "nec-single-crystal"}})["model"];
+  model["effects"] = {{{"id", (*lag)["id"]}, {"parameters", {{"time_constant", parameter["low"]}}}}};
+  EXPECT_NO_THROW(call("model.put", {{"name", "lagging"}, {"model", model}}));
 }
 
 }  // namespace
