@@ -71,7 +71,7 @@ void describe(Visitor& visit, DeviceInfo& d) {
 
 DeviceInfo opened(Engine& engine, const std::string& id) {
   DeviceInfo out{.device = id, .info = {}};
-  engine.with_device(id, [&](daq::Device& device) { out.info = device.info(); });
+  engine.with_device(id, [&](const daq::DeviceFacts& device) { out.info = device.info; });
   return out;
 }
 

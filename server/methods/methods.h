@@ -9,7 +9,7 @@
 // | run       | start status pause resume abort list                             |
 // | replay    | start                                                            |
 // | recording | list info read report compare export import annotate recover delete |
-// | model     | list get put schema simulate fit                                 |
+// | model     | list get put schema simulate fit effects                         |
 // | discrepancy | start status result                                            |
 // | table     | run compare                                                      |
 // | job       | list status cancel                                               |
@@ -24,6 +24,9 @@ namespace ferrobench::server {
 
 // The table of all methods, with the lease as its gate. Engine and dispatcher must outlive the calls.
 void add_all_methods(Dispatcher& rpc, Engine& engine);
+// Calls of every method as rpc.discover shows them: {method: parameters by name}. A test holds them against
+// the schemas.
+nlohmann::json method_examples();
 
 void add_system_methods(Dispatcher& rpc, Engine& engine);  // system, limits, job, lease
 void add_device_methods(Dispatcher& rpc, Engine& engine);
@@ -32,6 +35,7 @@ void add_run_methods(Dispatcher& rpc, Engine& engine);
 void add_recording_methods(Dispatcher& rpc, Engine& engine);
 void add_import_method(Dispatcher& rpc, Engine& engine);
 void add_model_methods(Dispatcher& rpc, Engine& engine);
+void add_effect_methods(Dispatcher& rpc);
 void add_discrepancy_methods(Dispatcher& rpc, Engine& engine);
 void add_table_methods(Dispatcher& rpc, Engine& engine);
 

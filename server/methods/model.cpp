@@ -146,7 +146,7 @@ void add_model_methods(Dispatcher& rpc, Engine& engine) {
                      [&engine](const ModelName& p) { return ModelText{engine.store().model(p.name)}; });
   rpc.add<NoParams>({.name = "model.schema",
                      .doc = "JSON Schema of a model.",
-                     .result_schema = schema::any_object("a JSON Schema")},
+                     .result_schema = schema::json_schema_document()},
                     [](const NoParams&) { return model::model_schema(); });
   rpc.add<PutParams>({.name = "model.put",
                       .doc = "Keeps a model under a name.",

@@ -214,7 +214,7 @@ void add_protocol_methods(Dispatcher& rpc, Engine& engine) {
       [&engine](const PutProtocol& p) { engine.store().put_protocol(p.name, p.protocol); });
   rpc.add<NoParams>({.name = "protocol.schema",
                      .doc = "JSON Schema of a protocol.",
-                     .result_schema = schema::any_object("a JSON Schema")},
+                     .result_schema = schema::json_schema_document()},
                     [](const NoParams&) { return protocols::protocol_schema(); });
   rpc.add<ProtocolText>({.name = "protocol.validate",
                          .doc = "Every problem of a protocol with its path.",

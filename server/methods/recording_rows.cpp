@@ -38,7 +38,12 @@ RecordingRow row_of(const std::string& path, const recordings::SummaryOrError& r
 
 nlohmann::json table_schema() {
   using namespace schema;
-  const auto column = object({{"key", text()}, {"title", text()}, {"unit", text("as people read it")}});
+  const auto column = object(
+      {{"key", text()},
+       {"title", text()},
+       {"unit", text("as people read it")},
+       {"uncertainty", text("key of the standard uncertainties in its rows, in the column's unit; absent: "
+                            "none are stated")}});
   return object({{"title", text()},
                  {"columns", list_of(column, "in order")},
                  {"rows", list_of(any_object())},

@@ -84,19 +84,13 @@ void add_run_methods(Dispatcher& rpc, Engine& engine) {
   rpc.add<RunParams>({.name = "run.pause",
                       .doc = "Waits in the next hold, which gets longer; samples keep coming.",
                       .role = Role::control,
-                      .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
-                     [&engine](const RunParams& p) {
-                       engine.pause(p.run);
-                       return engine.status(p.run);
-                     });
+                      .errors = {ErrorCode::not_found, ErrorCode::bad_state, ErrorCode::device_lost}},
+                     [&engine](const RunParams& p) { return engine.pause(p.run); });
   rpc.add<RunParams>({.name = "run.resume",
                       .doc = "Goes on after a pause.",
                       .role = Role::control,
-                      .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
-                     [&engine](const RunParams& p) {
-                       engine.resume(p.run);
-                       return engine.status(p.run);
-                     });
+                      .errors = {ErrorCode::not_found, ErrorCode::bad_state, ErrorCode::device_lost}},
+                     [&engine](const RunParams& p) { return engine.resume(p.run); });
   rpc.add<AbortParams>(
       {.name = "run.abort",
        .doc = "The emergency stop: the output ramps to zero at stop_slew; asked for a second time, at slew. "
@@ -104,10 +98,10 @@ void add_run_methods(Dispatcher& rpc, Engine& engine) {
        .role = Role::stop,
        .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
       [&engine](const AbortParams& p, CallContext& caller) {
-        if (caller.again && is_over(engine.status(p.run).state)) return engine.status(p.run);
-        engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason),
-                     caller.again);
-        return engine.status(p.run);
+        if (caller.again)
+          if (auto status = engine.status(p.run); is_over(status.state)) return status;
+        return engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason),
+                            caller.again);
       });
   rpc.add<ReplayRequest>({.name = "replay.start",
                           .doc = "Runs a recording again as it was measured, into a new recording.",

@@ -133,8 +133,7 @@ void add_jobs(Dispatcher& rpc, Engine& engine) {
                          engine.jobs().cancel(p.job);
                          return engine.jobs().status(p.job);
                        }
-                       engine.abort(p.job, "cancelled by a client");
-                       return as_job(engine.status(p.job));
+                       return as_job(engine.abort(p.job, "cancelled by a client"));
                      });
 }
 
@@ -206,10 +205,11 @@ void add_all_methods(Dispatcher& rpc, Engine& engine) {
   add_recording_methods(rpc, engine);
   add_import_method(rpc, engine);
   add_model_methods(rpc, engine);
+  add_effect_methods(rpc);
   add_discrepancy_methods(rpc, engine);
   add_table_methods(rpc, engine);
   add_subscription_methods(rpc, engine.hub());
-  add_discovery(rpc, engine.hub(), std::string(recordings::software_version()));
+  add_discovery(rpc, engine.hub(), std::string(recordings::software_version()), method_examples());
   rpc.set_gate(
       [&engine](const Method& method, const CallContext& caller) { engine.lease().demand(method, caller); });
 }

@@ -40,6 +40,22 @@ json run_job(const Store& store, const TableParams& p, const std::vector<RunRequ
                                             : json{{"content", render(comparison, format)}};
 }
 
+struct TableRow {
+  std::string name{}, title{};
+};
+template <class Visitor>
+void describe(Visitor& visit, TableRow& r) {
+  visit("name", r.name, {.required = true, .doc = "for table.run and table.compare"});
+  visit("title", r.title, {.required = true});
+}
+struct TableList {
+  std::vector<TableRow> tables{};
+};
+template <class Visitor>
+void describe(Visitor& visit, TableList& l) {
+  visit("tables", l.tables, {.required = true, .doc = "by name"});
+}
+
 struct CompareParams {
   std::string table{};
   std::vector<std::string> recordings{};
@@ -59,6 +75,13 @@ json compare(Engine& engine, const CompareParams& p) {
 }  // namespace
 
 void add_table_methods(Dispatcher& rpc, Engine& engine) {
+  rpc.add<NoParams>({.name = "table.list", .doc = "The published tables of the source."},
+                    [](const NoParams&) {
+                      TableList out;
+                      for (const auto& name : recordings::published_table_names())
+                        out.tables.push_back({name, recordings::published_table(name).title});
+                      return out;
+                    });
   rpc.add<TableParams>(
       {.name = "table.run",
        .doc = "Runs a published table's experiments on virtual devices of their own, beside the "

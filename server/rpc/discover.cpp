@@ -26,7 +26,14 @@ const char* role_name(Role role) {
   return "";
 }
 
-json describe_method(const Method& method) {
+// A call as OpenRPC writes it.
+json example_of(const std::string& method, const json& parameters) {
+  json params = json::array();
+  for (const auto& [name, value] : parameters.items()) params.push_back({{"name", name}, {"value", value}});
+  return {{"name", "a call of " + method}, {"params", std::move(params)}};
+}
+
+json describe_method(const Method& method, const json& examples) {
   json params = json::array();
   for (const auto& p : method.parameters) {
     json named{{"properties", {{p.name, p.schema}}}};
@@ -37,25 +44,30 @@ json describe_method(const Method& method) {
     params.push_back(std::move(param));
   }
   auto result = method.info.result_schema;
-  schema::name_the_unnamed(result);
+  schema::name_the_unnamed(result, true);
   json errors = json::array();
   for (const auto code : method.info.errors)
     errors.push_back({{"$ref", "#/components/errors/" + std::string(entry(code).name)}});
-  return {{"name", method.info.name},
-          {"summary", method.info.doc},
-          {"tags", json::array({{{"name", area(method.info.name)}}})},
-          {"paramStructure", "either"},
-          {"params", std::move(params)},
-          {"result", {{"name", method.info.name + " result"}, {"schema", std::move(result)}}},
-          {"errors", std::move(errors)},
-          {"x-role", role_name(method.info.role)}};
+  json out{{"name", method.info.name},
+           {"summary", method.info.doc},
+           {"tags", json::array({{{"name", area(method.info.name)}}})},
+           {"paramStructure", "either"},
+           {"params", std::move(params)},
+           {"result", {{"name", method.info.name + " result"}, {"schema", std::move(result)}}},
+           {"errors", std::move(errors)},
+           {"x-role", role_name(method.info.role)}};
+  if (const auto found = examples.find(method.info.name); found != examples.end())
+    out["examples"] = json::array({example_of(method.info.name, *found)});
+  return out;
 }
 
 }  // namespace
 
-json openrpc_document(const Dispatcher& dispatcher, const Hub& hub, const std::string& version) {
+json openrpc_document(const Dispatcher& dispatcher, const Hub& hub, const std::string& version,
+                      const json& examples) {
   json methods = json::array();
-  for (const auto& [name, method] : dispatcher.methods()) methods.push_back(describe_method(method));
+  for (const auto& [name, method] : dispatcher.methods())
+    methods.push_back(describe_method(method, examples));
   json errors = json::object();
   for (const auto& e : error_table())
     errors[std::string(e.name)] = {{"code", e.rpc_code},
@@ -64,7 +76,7 @@ json openrpc_document(const Dispatcher& dispatcher, const Hub& hub, const std::s
   json topics = json::array();
   for (const auto& [name, topic] : hub.topics()) {
     auto params = topic.schema;
-    schema::name_the_unnamed(params);
+    schema::name_the_unnamed(params, true);
     topics.push_back({{"name", name}, {"summary", topic.doc}, {"params", std::move(params)}});
   }
   return {{"openrpc", "1.3.2"},
@@ -81,7 +93,7 @@ json openrpc_document(const Dispatcher& dispatcher, const Hub& hub, const std::s
           {"x-notifications", std::move(topics)}};
 }
 
-void add_discovery(Dispatcher& dispatcher, const Hub& hub, const std::string& version) {
+void add_discovery(Dispatcher& dispatcher, const Hub& hub, const std::string& version, json examples) {
   dispatcher.add<NoParams>(
       {.name = "rpc.discover",
        .doc = "This document: every method with its parameters, result and errors (OpenRPC).",
@@ -90,8 +102,8 @@ void add_discovery(Dispatcher& dispatcher, const Hub& hub, const std::string& ve
                                         {"methods", schema::list_of(schema::any_object())},
                                         {"components", schema::any_object()},
                                         {"x-notifications", schema::list_of(schema::any_object())}})},
-      [&dispatcher, &hub, version](const NoParams&) -> json {
-        return openrpc_document(dispatcher, hub, version);
+      [&dispatcher, &hub, version, examples = std::move(examples)](const NoParams&) -> json {
+        return openrpc_document(dispatcher, hub, version, examples);
       });
 }
 

@@ -1,5 +1,7 @@
 #include "server/rpc/schemas.h"
 
+#include <algorithm>
+#include <array>
 #include <map>
 
 #include "recordings/format/recording.h"
@@ -15,7 +17,7 @@ json with_doc(json schema, const char* doc) {
 const json every_type{"null", "boolean", "number", "string", "array", "object"};
 
 // What a member of this name is, where its type does not say it.
-const json* known(const std::string& name) {
+const json* known(const std::string& name, bool result) {
   static const json named_or_given{{"type", {"null", "string", "object"}},
                                    {"properties", json::object()},
                                    {"additionalProperties", any()}};
@@ -29,14 +31,15 @@ const json* known(const std::string& name) {
       {"result", or_null(any_object())},
       {"error", or_null(object({{"name", text()}, {"message", text()}, {"problems", list_of(problem())}}))},
       {"problems", list_of(problem())}};
+  static const json itself = or_null(any_object());
+  if (result && (name == "protocol" || name == "model")) return &itself;
   const auto found = all.find(name);
   return found == all.end() ? nullptr : &found->second;
 }
 
 bool has_shape(const json& schema) {
-  for (const auto* key : {"type", "enum", "oneOf", "anyOf", "$ref"})
-    if (schema.contains(key)) return true;
-  return false;
+  constexpr std::array keys{"type", "enum", "oneOf", "anyOf", "$ref"};
+  return std::ranges::any_of(keys, [&](const char* key) { return schema.contains(key); });
 }
 
 }  // namespace
@@ -81,6 +84,18 @@ json any_object(const char* doc) {
   return with_doc(object({}, true), doc);
 }
 
+json json_schema_document() {
+  return object({{"$schema", text("dialect that it is written in")},
+                 {"$id", text()},
+                 {"title", text()},
+                 {"description", text()},
+                 {"type", any("one of JSON's types, or several")},
+                 {"properties", map_of(any(), "what each member may be, as a JSON Schema")},
+                 {"required", list_of(text(), "members that must be there")},
+                 {"$defs", map_of(any(), "schemas that others refer to")}},
+                any());
+}
+
 json problem() {
   auto out = object({{"path", text("JSON pointer into what was given; \"\": the whole")},
                      {"message", text("what is wrong with it")},
@@ -104,15 +119,20 @@ json stretches() {
   return out;
 }
 
-void name_the_unnamed(json& schema) {
+void name_the_unnamed(json& schema, bool result) {
   if (schema.contains("properties"))
     for (auto& [name, member] : schema["properties"].items()) {
-      if (const auto* shape = known(name); shape != nullptr && member.is_object() && !has_shape(member)) {
+      if (const auto* shape = known(name, result);
+          shape != nullptr && member.is_object() && !has_shape(member)) {
         member.update(*shape);
       }
-      if (member.is_object()) name_the_unnamed(member);
+      // All lists of names are of texts. Who makes a client of a schema takes one without a type for
+      // anything.
+      if (member.is_object() && member.contains("enum") && !member.contains("type"))
+        member["type"] = "string";
+      if (member.is_object()) name_the_unnamed(member, result);
     }
-  if (schema.contains("items") && schema["items"].is_object()) name_the_unnamed(schema["items"]);
+  if (schema.contains("items") && schema["items"].is_object()) name_the_unnamed(schema["items"], result);
 }
 
 }  // namespace ferrobench::server::schema

@@ -26,13 +26,17 @@ json list_of(const json& each, const char* doc = "");
 json any(const char* doc = "");
 json any_object(const char* doc = "");
 
+// What a JSON Schema is itself, as far as those of this program go.
+json json_schema_document();
+
 // {path, message, given, allowed, unit, hint}
 json problem();
 // Smallest, largest and first value of stretches, as recording.read and the topic "samples" give them.
 json stretches();
 
 // Says of every member that is JSON as it is (a model, a protocol, settings, ...) what it may be: its name
-// means the same wherever it stands.
-void name_the_unnamed(json& schema);
+// means the same wherever it stands. What a caller gives may be a name in place of a model or a protocol;
+// what comes back (`result`) is the thing itself.
+void name_the_unnamed(json& schema, bool result = false);
 
 }  // namespace ferrobench::server::schema

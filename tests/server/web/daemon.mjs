@@ -6,33 +6,60 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 
-const patience = 20_000;
+const patience = 60_000; // ms; it bounds a hang
 
-// {address, token, stop(), signal(name)}; the daemon prints the page's address, and the token to a terminal alone.
-export async function startDaemon(program) {
-  const folder = await mkdtemp(join(tmpdir(), "ferrobench-page-"));
-  const child = spawn(program, ["--data", folder, "serve", "--port", "0", "--token-file", join(folder, "token")], { stdio: ["ignore", "pipe", "pipe"] });
-  const said = [];
-  const ended = new Promise((resolve) => child.once("close", resolve));
-  const stop = async () => {
-    child.kill("SIGTERM");
-    await ended;
-    await rm(folder, { recursive: true, force: true });
-  };
-  const found = new Promise((resolve, reject) => {
-    const read = (line) => {
-      said.push(line);
-      const match = line.match(/(http:\/\/\S+?)\/?\?token=/);
-      if (match) resolve({ address: match[1], token: readFileSync(join(folder, "token"), "utf8").trim(), stop, signal: (name) => child.kill(name) });
-    };
-    createInterface(child.stdout).on("line", read);
-    createInterface(child.stderr).on("line", read);
-    child.once("error", reject);
-    ended.then(() => reject(new Error("the daemon ended")));
-    setTimeout(() => reject(new Error("the daemon told no address")), patience).unref();
-  });
-  return found.catch(async (error) => {
-    await stop();
-    throw new Error(`${error.message}; it said:\n${said.join("\n")}`);
-  });
+export class Daemon {
+  #program;
+  #folder;
+  #child = null;
+  #ended = null;
+
+  constructor(program) {
+    this.#program = program;
+  }
+
+  // The daemon prints the page's address, and the token to a terminal alone. Started again, it has the port and the
+  // recordings that it had before.
+  async start() {
+    this.#folder ??= await mkdtemp(join(tmpdir(), "ferrobench-page-"));
+    const token = join(this.#folder, "token");
+    const port = this.address ? new URL(this.address).port : "0";
+    const child = spawn(this.#program, ["--data", this.#folder, "serve", "--port", port, "--token-file", token], { stdio: ["ignore", "pipe", "pipe"] });
+    this.#child = child;
+    this.#ended = new Promise((resolve) => child.once("exit", resolve));
+    const said = [];
+    try {
+      this.address = await new Promise((resolve, reject) => {
+        const read = (line) => {
+          said.push(line);
+          const match = line.match(/(http:\/\/\S+?)\/?\?token=/);
+          if (match) resolve(match[1]);
+        };
+        createInterface(child.stdout).on("line", read);
+        createInterface(child.stderr).on("line", read);
+        child.once("error", reject);
+        this.#ended.then(() => reject(new Error("the daemon ended")));
+        setTimeout(() => reject(new Error("the daemon told no address")), patience).unref();
+      });
+    } catch (error) {
+      await this.stop();
+      throw new Error(`${error.message}; it said:\n${said.join("\n")}`);
+    }
+    this.token = readFileSync(token, "utf8").trim();
+  }
+
+  signal(name) {
+    this.#child.kill(name);
+  }
+
+  async kill() {
+    this.signal("SIGKILL");
+    await this.#ended;
+  }
+
+  async stop() {
+    this.signal("SIGTERM");
+    await this.#ended;
+    await rm(this.#folder, { recursive: true, force: true });
+  }
 }

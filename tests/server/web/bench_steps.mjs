@@ -1,0 +1,110 @@
+// The view Bench: two pages and one lease, a late viewer, a daemon that falls silent, one that is killed.
+import assert from "node:assert/strict";
+import { call, open, openRecording, shots, state } from "./browser.mjs";
+
+const signIn = async (page, { address, token }) => {
+  await page.goto(`${address}/?token=${token}`);
+  await page.waitForSelector('#connection[data-open="true"]');
+};
+
+async function holdsLong(page) {
+  await open(page, "experiment");
+  await page.locator('#library [data-name="my-own"]').click(); // another step may have loaded another program
+  await page.waitForSelector('#library [data-name="my-own"][aria-pressed="true"]');
+  await page.uncheck("#fast");
+  const hold = page.locator('[data-path="/protocol/segments/1/time"]');
+  await hold.fill("200");
+  await hold.press("Enter");
+  await page.waitForFunction(() => document.querySelector("#preview-facts").textContent.includes("3 min"));
+  await page.click("#start");
+  await state(page, "running");
+}
+
+// Who comes late sees what was measured before, who watches sees who controls, and both may stop.
+export async function watchesWithAnother({ page, browser, daemon }) {
+  await open(page, "bench");
+  await page.click("#lease-take");
+  await page.waitForSelector("#lease-release:visible");
+  await holdsLong(page);
+  await page.waitForTimeout(2500);
+  const other = await (await browser.newContext({ viewport: { width: 1280, height: 900 } })).newPage();
+  await signIn(other, daemon);
+  await state(other, "running");
+  await other.waitForFunction(() => Number(document.querySelector("#live").dataset.points) > 5);
+  const first = await other.locator("#live-series figure:visible .frame").first().getAttribute("aria-label");
+  assert.match(first, /to (1|1\.00\d*|0\.99\d*) kV\/mm/, `the late one sees the beginning, at 1 kV/mm: ${first}`);
+  await other.waitForFunction(() => /controls the bench/.test(document.querySelector("#lease-text").textContent));
+  assert.equal(await other.locator("#lease-take").isVisible(), false);
+  await open(other, "experiment");
+  assert.equal(await other.locator("#start").isDisabled(), true);
+  await page.click("#pause");
+  await state(page, "pausing", "paused");
+  await other.click("#stop");
+  await state(page, "aborted");
+  assert.match(await page.innerText("#state-reason"), /stopped/i);
+  await other.context().close();
+  await open(page, "bench");
+  await page.click("#lease-release");
+  await page.waitForSelector("#lease-take:visible");
+}
+
+// A daemon that does not answer is seen within 2 s, and nothing is claimed that the page cannot know.
+export async function seesSilence({ page, daemon }) {
+  // How long the page itself had no time to look is the machine's business.
+  await page.evaluate(() => {
+    window.late = 0;
+    let before = performance.now();
+    setInterval(() => {
+      const now = performance.now();
+      window.late = Math.max(window.late, now - before - 50);
+      before = now;
+    }, 50);
+  });
+  daemon.signal("SIGSTOP");
+  const since = Date.now();
+  try {
+    await state(page, "unknown");
+    const took = Date.now() - since;
+    const late = await page.evaluate(() => window.late);
+    console.log(`silence was seen after ${took} ms; the page was late by ${Math.round(late)} ms`);
+    assert.ok(took - late < 2000, `silence was seen after ${took} ms`);
+    assert.equal(await page.innerText("#state-word"), "No answer");
+    assert.match(await page.innerText("#state-reason"), /No answer for [\d.]+ s, last sample [\d.]+ s ago/);
+    assert.doesNotMatch(await page.innerText(".bar"), /idle|complete|version/i);
+    assert.equal(await page.innerText("#output"), "unknown");
+    assert.match(await page.textContent("#lease-text"), /Not known/);
+    await page.click("#stop");
+    await page.waitForFunction(() => document.querySelector("#errors").textContent.includes("not answered yet"));
+    if (shots) await page.screenshot({ path: `${shots}/silent.png` });
+  } finally {
+    daemon.signal("SIGCONT");
+  }
+  await state(page, "idle", "complete", "aborted");
+}
+
+// Killed with a run under way: the page claims nothing, and says what to do; the next daemon tells how the run ended.
+export async function survivesADeadDaemon({ page, daemon }) {
+  await open(page, "bench");
+  await holdsLong(page);
+  await page.waitForFunction(() => Number(document.querySelector("#live").dataset.points) > 5);
+  const name = await page.locator("#run-facts a").innerText();
+  await daemon.kill();
+  await state(page, "unknown");
+  await page.waitForFunction(() => /No connection for .*a run goes on without this page/.test(document.querySelector("#state-reason").textContent));
+  assert.match(await page.innerText("#connection"), /Not connected/);
+  assert.equal(await page.innerText("#output"), "unknown");
+  assert.doesNotMatch(await page.innerText(".bar"), /idle|complete|running|pause/i);
+  assert.match(await page.textContent("#lease-text"), /Not known/);
+  await page.waitForFunction(() => /open the address that it printed/.test(document.querySelector("#state-reason").textContent));
+  if (shots) await page.screenshot({ path: `${shots}/killed.png` });
+  await daemon.start();
+  await signIn(page, daemon);
+  // The bench process holds the voltage: it stops safely when its daemon is gone, and the next one makes the file.
+  await state(page, "aborted", "idle");
+  assert.equal(await page.innerText("#output"), "0 kV/mm");
+  const { status, reason } = await call(page, "recording.info", { name });
+  assert.notEqual(status, "complete", "it did not come to its end");
+  console.log(`the run of the killed daemon: ${status}, ${reason}`);
+  await openRecording(page, name);
+  assert.ok((await page.innerText("#recording")).includes(reason), "the page says why");
+}
