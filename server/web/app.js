@@ -58,6 +58,7 @@ function allowStart() {
 
 function silenceChanged(silent) {
   run.setSilent(silent);
+  lease.setSilent(silent);
   if (rpc.open) showConnection();
   allowStart();
 }

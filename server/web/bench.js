@@ -32,6 +32,12 @@ export class LeasePanel {
     this.changed();
   }
 
+  setSilent(silent) {
+    if (!silent) return this.show(this.status);
+    byId("lease-text").textContent = "Not known: the daemon does not answer.";
+    byId("lease-take").hidden = byId("lease-release").hidden = true;
+  }
+
   // A connection that is new has the lease only after it has shown it.
   async reconnected() {
     if (!this.mine) return;

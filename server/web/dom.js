@@ -25,6 +25,21 @@ export function number(value, digits = 4) {
   return String(Number(value.toPrecision(digits))).replace("-", "−");
 }
 
+// "41.59(4)": with the standard uncertainty in units of the last digit, two digits of it where the first is 1 or 2.
+export function withUncertainty(value, uncertainty) {
+  if (!Number.isFinite(value) || !(uncertainty > 0)) return number(value);
+  let place = Math.floor(Math.log10(uncertainty));
+  if (uncertainty < 2.95 * 10 ** place) place -= 1;
+  const size = Math.max(Math.abs(value), uncertainty);
+  const power = size >= 1e5 || size < 1e-3 ? Math.floor(Math.log10(size)) : 0;
+  const unit = 10 ** place;
+  const round = (x) => Math.round(x / unit) * unit;
+  const text = power === 0 && place >= 0 // 1230(50), not 123(5) tens
+    ? `${round(value)}(${round(uncertainty)})`
+    : `${(value / 10 ** power).toFixed(power - place)}(${Math.round(uncertainty / unit)})${power === 0 ? "" : `e${power}`}`;
+  return text.replaceAll("-", "−");
+}
+
 export function duration(seconds) {
   if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "–";
   if (seconds < 100) return `${number(seconds, 3)} s`;

@@ -41,7 +41,7 @@ export class Editor {
   async load() {
     if (this.kinds.size) return;
     const schema = await this.rpc.call("protocol.schema");
-    for (const kind of schema.$defs.segment.oneOf) this.kinds.set(kind.title, kind);
+    for (const kind of schema.$defs.segment.properties.kind.enum) this.kinds.set(kind, schema.$defs[kind]);
   }
 
   show(protocol) {
@@ -153,7 +153,7 @@ export class Editor {
 
   #field(s, path, key, info, known) {
     const value = s[key];
-    const wanted = known.required?.includes(key);
+    const wanted = known.then.required?.includes(key);
     const unit = this.#unit(info);
     const put = (v) => this.#change((p) => {
       const at = lookup(p, path);

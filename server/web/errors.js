@@ -32,27 +32,37 @@ function problemItem(problem) {
   return item;
 }
 
-function besideField(problem) {
-  const parts = [problem.message, told(problem.allowed) && `allowed: ${allowedText(problem).slice(0, 120)}`, problem.hint];
+function besideField(problem, path = "") {
+  const parts = [path && `${path} ${problem.message ?? ""}`.trim(), !path && problem.message, told(problem.allowed) && `allowed: ${allowedText(problem).slice(0, 120)}`, problem.hint];
   return parts.filter(Boolean).join("; ");
 }
 
 let notes = 0;
 
-// The inputs that the problems point to are marked, and the reason stands below them.
+// The inputs that the problems point to are marked, and the reason stands below them. Problems of a protocol have paths
+// within it; those that no field stands for are told below its text.
 function mark(problems, label) {
   for (const note of document.querySelectorAll(".field-error")) note.remove();
-  for (const input of document.querySelectorAll("[data-path], [data-set]")) {
-    const path = input.dataset.path ?? `/set/${input.dataset.set}`;
-    const problem = problems.find((p) => p.path === path) ?? (label === "bad_protocol" && path === "/protocol" ? problems[0] : undefined);
-    input.removeAttribute("aria-invalid");
-    input.removeAttribute("aria-describedby");
-    if (!problem) continue;
+  const inputs = [...document.querySelectorAll("[data-path], [data-set]")];
+  const pathOf = (input) => input.dataset.path ?? `/set/${input.dataset.set}`;
+  const left = new Set(problems);
+  const note = (input, text) => {
     const id = `field-error-${++notes}`;
     input.setAttribute("aria-invalid", "true");
     input.setAttribute("aria-describedby", id);
-    input.after(element("span", { class: "field-error", id }, besideField(problem)));
+    input.after(element("span", { class: "field-error", id }, text));
+  };
+  for (const input of inputs) {
+    input.removeAttribute("aria-invalid");
+    input.removeAttribute("aria-describedby");
+    const problem = problems.find((p) => [p.path, `/protocol${p.path}`].includes(pathOf(input)));
+    if (!problem) continue;
+    left.delete(problem);
+    note(input, besideField(problem));
   }
+  const text = inputs.find((input) => pathOf(input) === "/protocol");
+  const [first] = left;
+  if (text && first && label === "bad_protocol") note(text, besideField(first, first.path));
 }
 
 // `what`: the sentence that says what did not happen.

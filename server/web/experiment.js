@@ -198,7 +198,7 @@ export class Experiment {
     try {
       this.take(JSON.parse(byId("protocol-text").value));
     } catch (error) {
-      showError("The text is not JSON.", error);
+      showError("The text is not JSON.", { message: error.message, problems: [] });
     }
   }
 
@@ -257,6 +257,9 @@ export class Experiment {
       else clearErrors();
     } catch (error) {
       if (asked !== this.asked) return;
+      this.segments = [];
+      this.#markSegments();
+      this.plot.dots = [];
       this.plot.set([]);
       facts(byId("preview-facts"), []);
       showError("This program cannot be run as it stands.", error);

@@ -21,6 +21,7 @@ export class RunCharts {
     this.group = new TimeGroup(() => this.#read());
     this.specimen = undefined;
     this.columns = { time: [] };
+    this.inputs = {}; // of the cursors, where there are any
     this.#make();
   }
 
@@ -68,6 +69,10 @@ export class RunCharts {
   // A and B: values and differences in a table, and their places in the loops.
   #read() {
     const { a, b } = this.group.cursors;
+    for (const [name, input] of Object.entries(this.inputs)) {
+      const at = this.group.cursors[name];
+      if (document.activeElement !== input) input.value = at === null ? "" : number(at);
+    }
     const near = (t) => this.columns.time.findLastIndex((v) => v <= t);
     for (const { x, y, chart } of this.loops) {
       chart.dots = [["A", a], ["B", b]].filter(([, t]) => t !== null && this.columns[x.key] && this.columns[y.key]).map(([name, t]) => {
@@ -97,10 +102,13 @@ export class RunCharts {
 
 // Inputs for the two cursors and the zoom, so that they need no mouse.
 export function chartTools(charts, ...more) {
-  const cursor = (name) => element("label", {}, name.toUpperCase(), " ", element("input", {
-    inputmode: "decimal", size: 7, "aria-label": `Cursor ${name.toUpperCase()} [s]`,
-    onchange: (e) => charts.group.setCursor(name, e.target.value.trim() === "" || Number.isNaN(Number(e.target.value)) ? null : Number(e.target.value)),
-  }), " s");
+  const cursor = (name) => {
+    charts.inputs[name] = element("input", {
+      inputmode: "decimal", size: 7, "aria-label": `Cursor ${name.toUpperCase()} [s]`,
+      onchange: (e) => charts.group.setCursor(name, e.target.value.trim() === "" || Number.isNaN(Number(e.target.value)) ? null : Number(e.target.value)),
+    });
+    return element("label", {}, name.toUpperCase(), " ", charts.inputs[name], " s");
+  };
   const zoom = (factor) => () => {
     const [low, high] = charts.group.range ?? charts.group.extents();
     const middle = charts.group.cursors.a ?? (low + high) / 2;
@@ -115,6 +123,7 @@ export function chartTools(charts, ...more) {
 export class Live {
   #columns = { time: [] };
   #drawn = true;
+  #next = 0; // when it is drawn again at the earliest, ms
   #before = null; // messages that came while what was measured before is read
 
   constructor() {
@@ -196,13 +205,18 @@ export class Live {
     this.#columns = thinned;
   }
 
+  // Takes a quarter of the page's time at most, painting included: whatever else the page is asked for, a stop above all,
+  // gets its turn on a slow machine, too.
   #draw() {
     if (!this.#drawn || this.frozen) return;
     this.#drawn = false;
-    requestAnimationFrame(() => {
+    const draw = () => {
+      const begin = performance.now();
       this.#drawn = true;
       this.charts.draw(this.#columns);
       byId("live").dataset.points = this.#columns.time.length;
-    });
+      setTimeout(() => (this.#next = performance.now() + 3 * (performance.now() - begin)));
+    };
+    setTimeout(() => requestAnimationFrame(draw), Math.max(0, this.#next - performance.now()));
   }
 }

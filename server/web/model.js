@@ -73,7 +73,8 @@ export class ModelView {
     for (const chart of this.charts) chart.remove();
     this.charts = [];
     const read = (name) => this.rpc.call("recording.read", { name, max_points: 3000 });
-    const [info, a, b] = await Promise.all([this.rpc.call("recording.info", { name: measured }), read(measured), read(recording)]);
+    const [info, a, b, difference] = await Promise.all([this.rpc.call("recording.info", { name: measured }), read(measured), read(recording),
+      this.rpc.call("recording.compare", { a: measured, b: recording })]);
     const place = byId("simulate-result");
     const plots = element("div", { class: "series-charts" });
     place.replaceChildren(element("p", { class: "note" }, "Simulation: ", element("a", { href: `#recordings/${encodeURIComponent(recording)}` }, recording),
@@ -85,18 +86,15 @@ export class ModelView {
       const over = new Chart(plots, { title: channel.title, x: timeAxis, y: channel, group, height: 170, legend: true });
       over.set([{ name: "measured", colour: () => kindColour(0), x: a.time, low: a[channel.key].min, high: a[channel.key].max },
         { name: "model", colour: () => kindColour(1), dashed: true, x: b.time, low: b[channel.key].min, high: b[channel.key].max }]);
-      const same = a.time.length === b.time.length;
-      const residual = same ? a[channel.key].first.map((v, i) => (v === null || b[channel.key].first[i] === null ? null : v - b[channel.key].first[i])) : [];
+      // The simulation has the recording's own times: rows go together.
       const below = new Chart(plots, { title: `${channel.title}: measured less model`, x: timeAxis, y: channel, group, height: 120 });
-      below.set(same ? [{ colour: () => colour("--line"), x: a.time, y: residual }] : []);
+      below.set([{ colour: () => colour("--line"), x: a.time, y: a[channel.key].first.map((v, i) => (v === null || b[channel.key].first[i] === null ? null : v - b[channel.key].first[i])) }]);
       this.charts.push(over, below);
-      const known = residual.filter((v) => v !== null);
-      const rms = Math.sqrt(known.reduce((s, v) => s + v * v, 0) / known.length) * channel.factor;
-      const values = a[channel.key].first.filter((v) => v !== null).map((v) => v * channel.factor);
-      const range = values.reduce((m, v) => [Math.min(m[0], v), Math.max(m[1], v)], [Infinity, -Infinity]);
-      rows.push({ channel: `${channel.name} [${channel.unit}]`, rms, range: range[1] - range[0], share: (rms / (range[1] - range[0])) * 100 });
+      const rms = difference.columns.find((c) => c.dataset.split("/").includes(channel.key))?.rms * channel.factor;
+      const range = (Math.max(...a[channel.key].max) - Math.min(...a[channel.key].min.filter((v) => v !== null))) * channel.factor;
+      rows.push({ channel: `${channel.name} [${channel.unit}]`, rms, range, share: (rms / range) * 100 });
     }
-    place.append(reportTable({ title: "What is left", columns: [column("channel", "channel"), column("rms", "rms of the residual"), column("range", "range"), column("share", "share of the range", "%")], rows, notes: ["From the samples drawn here."] }));
+    place.append(reportTable({ title: "What is left", columns: [column("channel", "channel"), column("rms", "rms of the residual"), column("range", "range"), column("share", "share of the range", "%")], rows, notes: ["Of all samples."] }));
   }
 
   #chosen(id) {
@@ -105,8 +103,9 @@ export class ModelView {
 
   #fit() {
     const name = byId("fit-name").value.trim() || undefined;
+    const free = byId("fit-free").value.split(",").map((path) => path.trim()).filter(Boolean);
     return this.#run("fit-form", "The model was not fitted.",
-      () => this.rpc.call("model.fit", { recordings: this.#chosen("fit-recordings"), model: byId("fit-model").value, name, starts: 1 }),
+      () => this.rpc.call("model.fit", { recordings: this.#chosen("fit-recordings"), model: byId("fit-model").value, name, free, starts: 1, report: true }),
       async (result) => {
         byId("fit-result").replaceChildren(...this.#fitted(result, name));
         await this.refresh();
@@ -115,9 +114,12 @@ export class ModelView {
 
   #fitted(result, name) {
     const rows = (result.parameters ?? []).map((p) => ({ ...p, interval: p.interval ? `${number(p.interval[0])} to ${number(p.interval[1])}` : "–", remark: p.at_bound ? "at its bound" : p.determined === false ? "not determined" : "" }));
+    const left = Object.entries(result.after ?? {}).map(([what, after]) => ({ what, before: result.before[what], after }));
     return [
       element("p", {}, result.stopped ? "Stopped: the best so far." : "Fitted.", name ? ` Kept as ${name}.` : ""),
       rows.length ? reportTable({ title: "Parameters", rows, columns: [column("path", "parameter"), column("from", "from"), column("to", "to"), column("interval", "interval"), column("remark", "remark")], notes: [`Sum of squares ${number(result.cost_before)} before, ${number(result.cost_after)} after, ${result.simulations} simulations.`] }) : "",
+      left.length ? reportTable({ title: "Root mean square of what is left", rows: left, columns: [column("what", "on"), column("before", "before"), column("after", "after")] }) : "",
+      result.html ? button("Report (HTML)", () => download(new Blob([result.html], { type: "text/html" }), `${name ?? "fitted"}.html`)) : "", " ",
       button("Save the model as JSON", () => download(new Blob([JSON.stringify(result.model, null, 2)], { type: "application/json" }), `${name ?? "fitted"}.json`)),
     ];
   }
@@ -129,17 +131,18 @@ export class ModelView {
     return this.#run("discover-form", "The search did not come to an end.",
       async () => (job = await this.rpc.call("discrepancy.start", { recordings: this.#chosen("discover-recordings"), model: byId("discover-model").value, name, floor: floor > 0 ? floor / 100 : undefined })),
       async () => {
-        const found = await this.rpc.call("discrepancy.result", { job: job.job });
-        byId("discover-result").replaceChildren(...this.#found(found, job.job, name));
+        const [found, { effects }] = await Promise.all([this.rpc.call("discrepancy.result", { job: job.job }), this.rpc.call("model.effects")]);
+        byId("discover-result").replaceChildren(...this.#found(found, new Map(effects.map((e) => [e.id, e])), job.job, name));
         await this.refresh();
       });
   }
 
-  #found(d, job, name) {
+  #found(d, effects, job, name) {
     const gaps = ["train", "held_out"].flatMap((where) => Object.keys(d.gap[where].before)
       .map((channel) => ({ where: `${where === "train" ? "seen" : "locked away"}: ${d.gap[where].recordings.join(", ")}`, channel, before: d.gap[where].before[channel], after: d.gap[where].after[channel] })));
     const parameters = d.added.flatMap((a) => Object.entries(a.parameters ?? {}).map(([key, value]) => ({
-      term: `${String(a.id).replaceAll("_", " ")}${a.empirical ? " (empirical)" : ""}`, parameter: key.replaceAll("_", " "), value,
+      term: `${String(a.id).replaceAll("_", " ")}${a.empirical ? " (empirical)" : ""}`, equation: effects.get(a.id)?.equation ?? "–",
+      parameter: key.replaceAll("_", " "), value, unit: effects.get(a.id)?.parameters.find((p) => p.name === key)?.unit ?? "–",
       interval: a.intervals?.[key] ? `${number(a.intervals[key][0])} to ${number(a.intervals[key][1])}` : "–", share: percent(a.share), proof: percent(a.share_held_out) })));
     const verdict = element("dl", { class: "facts" });
     facts(verdict, [["Verdict", String(d.verdict).replaceAll("_", " ")], ["Explained", `${percent(d.share)}, locked away ${percent(d.share_held_out)}`],
@@ -148,7 +151,7 @@ export class ModelView {
     const out = [
       element("h4", {}, "Verdict"), verdict,
       element("ul", { class: "findings" }, ...d.findings.map((f) => element("li", {}, f))),
-      parameters.length ? reportTable({ title: "What was added", rows: parameters, columns: [column("term", "term"), column("parameter", "parameter"), column("value", "value"), column("interval", "90 %"), column("share", "share"), column("proof", "share, locked away")] }) : "",
+      parameters.length ? reportTable({ title: "What was added", rows: parameters, columns: [column("term", "term"), column("equation", "equation"), column("parameter", "parameter"), column("value", "value"), column("unit", "unit"), column("interval", "90 %"), column("share", "share"), column("proof", "share, locked away")] }) : "",
       gaps.length ? reportTable({ title: "Residual over noise, before and after", rows: gaps, columns: [column("where", "on"), column("channel", "channel"), column("before", "before"), column("after", "after")] }) : "",
       d.explanations.length ? reportTable({ title: "Alternatives", columns: [column("effects", "explanation"), column("probability", "probability", "%")], rows: d.explanations.map((e) => ({ effects: names(e.effects), probability: e.probability * 100 })) }) : "",
     ];
@@ -166,7 +169,9 @@ export class ModelView {
       }
     }));
     if (next) {
-      out.push(element("p", {}, `The next experiment that would tell the explanations apart (odds ${number(next.expected_odds, 2)}): `,
+      const plenty = 1e6; // as in the report: beyond it the number says nothing
+      const odds = `${next.expected_odds > plenty ? "more than " : ""}${number(Math.min(plenty, next.expected_odds), 2)}`;
+      out.push(element("p", { class: "next" }, `The experiment that would tell the explanations apart (expected odds ${odds} to 1): `,
         typeof next.protocol === "string" ? next.protocol : next.protocol.title ?? next.protocol.name));
       actions.append(button("Load the next experiment", () => this.load(next.protocol)));
     }

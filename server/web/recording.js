@@ -7,7 +7,6 @@ import { RunCharts, chartTools } from "./live.js";
 import { factsOf, reportTable, tablesOf } from "./tables.js";
 
 const loops = [["field", "charge"], ["field", "displacement"], ["displacement", "force"]];
-const published = ["3.10", "3.11", "3.12", "3.13"];
 const fileAddress = (name) => `/recordings/${encodeURIComponent(name)}`;
 
 // The daemon's curves of a loop, in the colours of their order; what lies outside of every cycle is grey.
@@ -92,10 +91,11 @@ export class RecordingView {
   }
 
   async #one(name, current) {
-    const [info, report, columns] = await Promise.all([
+    const [info, report, columns, { tables: published }] = await Promise.all([
       this.rpc.call("recording.info", { name }),
       this.rpc.call("recording.report", { name, format: "json" }),
       this.rpc.call("recording.read", { name, max_points: 6000 }),
+      this.rpc.call("table.list"),
     ]);
     if (!current()) return;
     const series = element("div", { class: "series-charts" });
@@ -109,7 +109,7 @@ export class RecordingView {
       element("section", {}, element("h3", {}, "Against time"), element("div", { class: "tools-place" }), series, readings),
       element("section", {}, element("h3", {}, "Loops"), loopPlace),
       element("section", { class: "creep", hidden: true }, element("h3", {}, "Creep, hold by hold"), element("div", { class: "plots" })),
-      ...tables.map(reportTable), this.#publishedPart(name), this.#provenance(info));
+      ...tables.map(reportTable), this.#publishedPart(name, published), this.#provenance(info));
     const charts = new RunCharts(series, loopPlace, readings);
     this.charts.push(charts);
     charts.setSpecimen(info.specimen);
@@ -196,18 +196,18 @@ export class RecordingView {
       }));
   }
 
-  #publishedPart(name) {
+  #publishedPart(name, published) {
     const place = element("div");
-    const choose = element("select", { id: "published", "data-path": "/table" }, element("option", { value: "" }, "none"), ...published.map((t) => element("option", { value: t }, t)));
+    const choose = element("select", { id: "published", "data-path": "/table" }, element("option", { value: "" }, "none"), ...published.map((t) => element("option", { value: t.name }, `${t.name}: ${t.title.replace(/^Table [\d.]+: /, "")}`)));
     choose.addEventListener("change", () => this.#act("The table was not compared.", async () =>
       place.replaceChildren(...(choose.value ? [reportTable(await this.rpc.call("table.compare", { table: choose.value, recordings: [name] }))] : []))));
-    return element("section", {}, element("h3", {}, "Beside published values"), element("label", {}, "Table ", choose), place);
+    return element("section", { class: "beside" }, element("h3", {}, "Beside published values"), element("label", {}, "Table ", choose), place);
   }
 
   #provenance(info) {
     const json = (title, value) => (value ? element("details", {}, element("summary", {}, title), element("pre", { tabindex: "0" }, JSON.stringify(value, null, 2))) : null);
     const list = element("dl", { class: "facts" });
-    facts(list, [["Identifier", info.identifier], ["File", info.path], ["Started", info.start_time], ["Ended", info.end_time || "–"], ["Seed", String(info.run_seed ?? "–")], ["Past", info.past?.kind ?? "unknown"]]);
+    facts(list, [["Identifier", info.identifier], ["File", info.path], ["Started", info.start_time], ["Ended", info.end_time || "–"], ["Seed", String(info.run_seed ?? "–")]]);
     return element("section", {}, element("h3", {}, "Provenance"), list, json("Protocol", info.protocol), json("Model", info.model), json("Device", info.device));
   }
 

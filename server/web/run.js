@@ -61,7 +61,7 @@ export class RunPanel {
     byId("state").dataset.state = "unknown";
     byId("state").dataset.danger = false;
     write("state-word", "No answer");
-    byId("progress").hidden = true;
+    for (const id of ["progress", "pause", "resume"]) byId(id).hidden = true;
     this.showOutput(null);
   }
 
@@ -72,6 +72,8 @@ export class RunPanel {
 
   show(status) {
     if (!status?.state) return;
+    // An answer that was asked for while the run went on, and comes after the notification of its end.
+    if (status.run === this.status?.run && active.includes(status.state) && !this.busy()) return;
     const before = this.status && { ...this.status, busy: this.busy() };
     this.status = status;
     if (!this.silent) this.#write(status);

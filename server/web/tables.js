@@ -1,13 +1,15 @@
-// Tables of a report, in the daemon's order and with its names and units; values of clipped samples are marked.
-import { element, number } from "./dom.js";
+// Tables of a report, in the daemon's order and with its names and units; figures have their uncertainties, values of
+// clipped samples are marked.
+import { element, withUncertainty } from "./dom.js";
 
-const shown = (value) => (typeof value === "number" ? number(value) : value ?? "–");
+const shown = (value, uncertainty) => (typeof value === "number" ? withUncertainty(value, uncertainty) : value ?? "–");
 
 function cell(row, column) {
   const value = row[column.key];
+  const text = shown(value, row[column.uncertainty]);
   const clipped = row.clipped?.includes(column.key);
   return element("td", { class: [typeof value === "string" ? "" : "number", clipped ? "clipped" : ""].join(" ").trim() || undefined },
-    clipped ? `${shown(value)} !` : shown(value));
+    clipped ? `${text} !` : text);
 }
 
 export function reportTable({ title, columns = [], rows = [], notes = [] }) {
