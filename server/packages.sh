@@ -4,7 +4,8 @@ build_packages="cmake ninja-build g++ ccache git ca-certificates pkg-config
   libpagmo-dev libtbb-dev libusb-1.0-0-dev libssl-dev libcurl4-openssl-dev libsystemd-dev prometheus-cpp-dev
   gnuplot-nox dpkg-dev file"
 test_packages="libgtest-dev libgmock-dev librapidcheck-dev libsundials-dev libbenchmark-dev
-  python3 python3-h5py python3-jsonschema python3-jsonrpclib-pelix chromium
+  python3 python3-h5py python3-pandas python3-pip python3-setuptools python3-wheel python3-jsonschema python3-jsonrpclib-pelix
+  chromium
   libusb-1.0-0-dev libumockdev-dev umockdev
   debootstrap groff-base"
 check_packages="clang-format clang-tidy"

@@ -1,11 +1,12 @@
 #!/bin/sh
 # What a change must pass beside the tests. 'sh tests/run.sh --checks' runs them; alone: sh tests/checks.sh [BUILD]
 #   format      clang-format on every source
-#   alone       every source of the program parsed by itself, with all warnings (the build joins those of a folder, so that
-#               one may lack an include and nobody sees it)
+#   alone       sources of the program parsed by themselves, with all warnings (the build joins those of a folder, so that
+#               one may lack an include and nobody sees it): those that changed, or that include a header that did
 #   sanitizers  ASan and UBSan while text, protocols, recordings, journals and damaged files are read
-#   tidy        clang-tidy on the sources of the program (not of its tests) that changed since the branch left main, or
-#               since the last tag, or in the last 20 commits; the latest first, for a minute and a half
+#   tidy        clang-tidy on the sources of the program (not of its tests) that changed, the latest first, for a minute
+#               and a half
+# What changed is: since the branch left main, or since the last tag, or in the last 20 commits.
 set -u
 root=$(cd "$(dirname "$0")/.." && pwd)
 mkdir -p "${1:-$root/build}/checks"
@@ -21,23 +22,50 @@ configure() {  # configure FOLDER OPTIONS...
 
 format() { git ls-files -z '*.cpp' '*.h' | xargs -0 clang-format --dry-run -Werror; }
 
-# Prints a command that parses each source of the program by itself. json.hpp, half of what there is to parse, is read
-# once for all.
+# What changed is compared with: where the branch left main; on main itself the last tag, or 20 commits ago.
+base() {
+  left=$(git merge-base HEAD origin/main 2>/dev/null || git merge-base HEAD main 2>/dev/null)
+  if [ -n "$left" ] && [ "$left" != "$(git rev-parse HEAD)" ]; then
+    echo "$left"
+  else
+    git describe --tags --abbrev=0 --match 'v[0-9]*' HEAD^ 2>/dev/null || git rev-parse -q --verify HEAD~20
+  fi
+}
+
+# Files of the program, the latest first; all of them where there is no earlier commit.
+changed() {
+  if since=$(base); then
+    git log --diff-filter=d --name-only --format= "$since..HEAD" -- base protocols recordings model daq server | awk '!seen[$0]++'
+  else
+    git ls-files base protocols recordings model daq server
+  fi
+}
+
+# Prints a command that parses a source by itself, for each that changed or that includes what changed, by whatever way.
+# json.hpp, half of what there is to parse, is read once for all.
 commands() {
   configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 -DFERROBENCH_UNITY=OFF -DCCACHE=OFF || return 1
-  python3 - "$work/alone/compile_commands.json" "$root" "$work/json.h" <<'end'
-import json, shlex, sys
-for entry in json.load(open(sys.argv[1])):
-    folder = entry["file"].removeprefix(sys.argv[2] + "/").split("/")[0]
-    if folder in ("base", "protocols", "recordings", "model", "daq", "server"):
+  changed >"$work/changed"
+  python3 - "$work/alone/compile_commands.json" "$root" "$work/json.h" "$work/changed" <<'end'
+import json, re, shlex, subprocess, sys
+database, root, prelude, changed = sys.argv[1:]
+files = subprocess.run(["git", "ls-files", "*.cpp", "*.h"], capture_output=True, text=True, check=True).stdout.split()
+included = {f: re.findall(r'#include "(.*?)"', open(f).read()) for f in files}
+touched = set(open(changed).read().split())
+while more := {f for f in files if f not in touched and touched.intersection(included[f])}:
+    touched |= more
+for entry in json.load(open(database)):
+    source = entry["file"].removeprefix(root + "/")
+    if source in touched and source.split("/")[0] in ("base", "protocols", "recordings", "model", "daq", "server"):
         words = iter(w for w in shlex.split(entry["command"]) if w not in ("-MD", "-c"))
         print(shlex.join(w for w in words if w not in ("-MT", "-MF", "-o") or not next(words)),
-              "-fsyntax-only -include", sys.argv[3])
+              "-fsyntax-only -include", prelude)
 end
 }
 
 alone() {
-  commands >"$work/commands" && [ -s "$work/commands" ] || return 1
+  commands >"$work/commands" || return 1
+  [ -s "$work/commands" ] || { echo "no source has changed"; return 0; }
   echo '#include <nlohmann/json.hpp>' >"$work/json.h"
   # Any of the program's options will do, but they must be those of all.
   sh -c "$(head -n 1 "$work/commands" | sed 's/ [^ ]*\.cpp .*//') -x c++-header '$work/json.h' -o '$work/json.h.gch'"
@@ -52,30 +80,19 @@ sanitizers() {
     ctest --test-dir "$work/sanitized/tests/recordings" --parallel "$jobs" --output-on-failure
 }
 
-# What changed is compared with: where the branch left main; on main itself the last tag, or 20 commits ago.
-base() {
-  left=$(git merge-base HEAD origin/main 2>/dev/null || git merge-base HEAD main 2>/dev/null)
-  if [ -n "$left" ] && [ "$left" != "$(git rev-parse HEAD)" ]; then
-    echo "$left"
-  else
-    git describe --tags --abbrev=0 --match 'v[0-9]*' HEAD^ 2>/dev/null || git rev-parse -q --verify HEAD~20
-  fi
-}
-
 tidy() {
-  since=$(base) || { echo "there is no earlier commit to compare with"; return 0; }
   configure "$work/alone" -DCMAKE_CXX_FLAGS_DEBUG=-O0 -DFERROBENCH_UNITY=OFF -DCCACHE=OFF || return 1
   known=$(sed -n 's/^ *"file": "\(.*\)",*$/\1/p' "$work/alone/compile_commands.json")
-  changed=$(git log --diff-filter=d --name-only --format= "$since..HEAD" -- base protocols recordings model daq server | awk '!seen[$0]++' |
+  sources=$(changed |
     while read -r source; do
       printf '%s\n' "$known" | grep -qxF "$root/$source" && [ -f "$source" ] && echo "$source"
     done)
-  [ -n "$changed" ] || { echo "no source has changed"; return 0; }
-  printf '%s\n' "$changed" | timeout 90 xargs -P "$jobs" -n 1 clang-tidy -p "$work/alone" --quiet \
+  [ -n "$sources" ] || { echo "no source has changed"; return 0; }
+  printf '%s\n' "$sources" | timeout 90 xargs -P "$jobs" -n 1 clang-tidy -p "$work/alone" --quiet \
     --extra-arg=-Wno-unknown-warning-option >"$work/tidy.found" 2>&1
   end=$?
   cat "$work/tidy.found"
-  [ $end != 124 ] || echo "not all of the $(printf '%s\n' "$changed" | wc -l) changed sources were looked at in the time there is"
+  [ $end != 124 ] || echo "not all of the $(printf '%s\n' "$sources" | wc -l) changed sources were looked at in the time there is"
   { [ $end = 0 ] || [ $end = 124 ]; } && ! grep -q 'warnings-as-errors' "$work/tidy.found"
 }
 

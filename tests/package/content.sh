@@ -33,7 +33,11 @@ bash completion.sh "$bench" "$usr/share/bash-completion/completions/ferrobench" 
 
 "$python" content.py "$usr/share/ferrobench"
 "$bench" --data "$folder/data" run stage-full-range --fast --quiet --out "$folder/run.h5" >/dev/null
-"$python" nexus_definition.py "$usr/share/ferrobench/nexus/ferrobench_recording.nxdl.xml" "$folder/run.h5"
+printf 'time_s,field_V_per_m,displacement_m,current_A\n0,0,0,0\n1,1e6,2e-6,1e-7\n2,0,1e-7,0\n' >"$folder/table.csv"
+"$bench" import "$folder/table.csv" --out "$folder/import.h5" --set length_m=0.01 --set area_m2=25e-6 --set layer_thickness_m=1e-4 >/dev/null
+"$python" nexus_definition.py "$usr/share/ferrobench/nexus/ferrobench_recording.nxdl.xml" "$folder/run.h5" "$folder/import.h5"
+PYTHONDONTWRITEBYTECODE=1 PYTHONPATH="$usr/lib/python3/dist-packages" "$python" -c \
+  'import sys, ferrobench; assert ferrobench.open(sys.argv[1])["displacement"].unit == "m"' "$folder/run.h5"
 for protocol in "$usr"/share/ferrobench/protocols/*.json; do "$bench" protocol validate "$protocol" >/dev/null; done
 
 grep -qx 'ExecStart=/usr/bin/ferrobench .*' "$usr/lib/systemd/system/ferrobench.service"

@@ -11,7 +11,7 @@ def stated():
     below = {}
     for line in (pathlib.Path(__file__).parent / "rooms.txt").read_text().splitlines():
         line = line.partition("#")[0].strip()
-        if not line:
+        if not line or " reaches:" in line:
             continue
         folder, _, levels = line.partition(":")
         rooms = below.setdefault(folder.strip(), {})
@@ -25,6 +25,40 @@ def stated():
             for under in rooms.values():
                 under.update(*[rooms[room] for room in under])
     return below
+
+
+def reached():
+    """{folder: the folders that all that it needs lies in}"""
+    out = {}
+    for line in (pathlib.Path(__file__).parent / "rooms.txt").read_text().splitlines():
+        folder, reaches, folders = line.partition("#")[0].partition(" reaches:")
+        if reaches:
+            out.setdefault(folder.strip(), set()).update(folders.split())
+    return out
+
+
+def included_by(path):
+    for line in path.read_text().splitlines():
+        found = re.match(r'\s*#\s*include\s*"([^"]+)"', line)
+        if found:
+            yield pathlib.Path(found[1])
+
+
+def strays():
+    for folder, allowed in reached().items():
+        todo = {p.relative_to(source): None for p in (source / folder).iterdir() if p.suffix in (".h", ".cpp")}
+        seen = dict(todo)
+        while todo:
+            file, _ = todo.popitem()
+            if str(file.parent) not in allowed:
+                yield f"{folder} must not reach {file}, which {seen[file]} needs"
+                continue
+            for header in included_by(source / file):
+                for found in (header, header.with_suffix(".cpp")):
+                    if found not in seen and (source / found).is_file():
+                        seen[found] = todo[found] = file
+        if len(seen) < 20:
+            yield f"rooms.txt: only {len(seen)} files were reached from {folder}"
 
 
 def room_of(file, folder):
@@ -68,6 +102,6 @@ def complaints():
         yield f"only {seen} lines of #include were found"
 
 
-found = sorted(set(complaints()))
+found = sorted({*complaints(), *strays()})
 print("\n".join(found) or "no room includes one above it")
 sys.exit(bool(found))
