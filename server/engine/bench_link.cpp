@@ -142,6 +142,8 @@ void BenchLink::watch(std::uint32_t run, RunWatcher* watcher) {
   const std::scoped_lock lock(watching_);
   if (watcher == nullptr)
     watchers_.erase(run);
+  else if (loss_told_)
+    watcher->lost(*loss_told_);
   else
     watchers_[run] = watcher;
 }
@@ -312,6 +314,7 @@ void BenchLink::die(const std::string& why) {
   if (leaving) return;
   {
     const std::scoped_lock lock(watching_);
+    loss_told_ = why;
     for (const auto& [run, watcher] : watchers_) watcher->lost(why);
   }
   see_it_dead();

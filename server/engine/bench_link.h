@@ -63,7 +63,9 @@ class BenchLink {
   }
 
   std::uint32_t new_number() { return ++last_number_; }  // of a device or a run
-  void watch(std::uint32_t run, RunWatcher* watcher);    // null: no more; none is called when this returns
+  // Null: no more; none is called when this returns. One that comes after the bench has died hears of it at
+  // once.
+  void watch(std::uint32_t run, RunWatcher* watcher);
   bool lost() const;
   const bench::Ready& ready() const { return ready_; }
   // Of the run that was taken over, with its lock. Once.
@@ -122,6 +124,7 @@ class BenchLink {
   std::shared_future<std::string> after_ = loss_done_.get_future().share();
   std::mutex watching_;  // held while a watcher is called
   std::map<std::uint32_t, RunWatcher*> watchers_;
+  std::optional<std::string> loss_told_;  // to those who watched
   std::thread listener_;
 };
 

@@ -1,5 +1,6 @@
 // Nothing that takes its time keeps those waiting who look or stop.
 #include <condition_variable>
+#include <csignal>
 #include <future>
 
 #include "engine_bench.h"
@@ -142,6 +143,25 @@ TEST_F(EngineTest, ADeviceThatTakesItsTimeKeepsNobodyFromStopping) {
   used.get();
   EXPECT_EQ(engine.wait(started.get().run).rows, 0);
   engine.close_device(id);
+}
+
+// A run that is watched only after its bench has died would else wait for it for ever.
+TEST(BenchLink, WhoWatchesAfterTheBenchHasDiedHearsOfItAtOnce) {
+  struct Watcher : RunWatcher {
+    void status(const bench::RunState&) override {}
+    void event(const bench::Noted&) override {}
+    void closed(const bench::Closed&) override {}
+    void lost(const std::string& why) override { told.push_back(why); }
+    std::vector<std::string> told;
+  };
+  const auto link = BenchLink::to_process();
+  Watcher before, after;
+  link->watch(1, &before);
+  kill(static_cast<pid_t>(link->ready().process), SIGKILL);
+  link->after_loss();
+  link->watch(2, &after);
+  EXPECT_EQ(before.told, std::vector<std::string>{"the bench process has died"});
+  EXPECT_EQ(after.told, before.told);
 }
 
 }  // namespace
