@@ -18,6 +18,19 @@ namespace {
 constexpr std::chrono::milliseconds status_interval{200};
 constexpr std::chrono::milliseconds look_interval{50};
 constexpr std::uint64_t most_shown = 8u << 20;  // bytes of the journal at a time; older ones are not shown
+// A process that is started at this moment has the journal, and its lock, until it has become another
+// program.
+constexpr std::chrono::seconds journal_patience{5};
+
+recordings::Recovery recover_recording_soon(const std::string& path) {
+  const auto until = std::chrono::steady_clock::now() + journal_patience;
+  for (;;) {
+    auto done = recordings::recover_recording(path);
+    if (done.outcome != recordings::Recovered::running || std::chrono::steady_clock::now() > until)
+      return done;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+}
 
 }  // namespace
 
@@ -46,8 +59,8 @@ Run::Run(RunSetup setup, Hub& hub)
     link_->tell(bench::Drop{number_});
     throw;
   }
-  link_->watch(number_, this);
   tell();
+  link_->watch(number_, this);
 }
 
 void Run::prepare() {
@@ -301,7 +314,9 @@ void Run::recover(const std::string& why) {
   follower_.reset();
   std::optional<std::uint64_t> rows;
   try {
-    const auto done = recordings::recover_recording(setup_.path);
+    const auto done = recover_recording_soon(setup_.path);
+    if (done.outcome == recordings::Recovered::running)
+      throw Error(ErrorCode::busy, "its journal is still in use; 'ferrobench recover' makes the file of it");
     recorded = done.outcome != recordings::Recovered::nothing;
     rows = done.rows;
   } catch (const std::exception& error) {

@@ -365,10 +365,14 @@ class Observer {
     try {
       const auto r = recordings::read_recording(run.path);
       const auto& command = r.at(recordings::Channel::command);
+      const auto fail = [&](const std::string& what) {
+        failures.push_back(run.run + " " + what + "; its file: " + r.status + ", " + r.reason +
+                           "; its status: " + write_json(run).dump());
+      };
       if (command.back() != 0 && r.status != "recovered")
-        failures.push_back(run.run + " was recorded until " + json(command.back()).dump());
+        fail("was recorded until " + json(command.back()).dump());
       if (static_cast<std::int64_t>(r.size()) != run.rows)
-        failures.push_back(run.run + " has " + std::to_string(r.size()) + " rows in its file");
+        fail("has " + std::to_string(r.size()) + " rows in its file");
     } catch (const std::exception& error) {
       failures.push_back(run.run + ": " + error.what());
     }
