@@ -49,12 +49,13 @@ Hooks::Hooks(const std::vector<std::string>& given, std::function<void(const std
     const auto equals = std::min(hook.find('='), hook.size());
     const auto event = event_name(parse<HookEvent>(hook.substr(0, equals), ErrorCode::invalid_params,
                                                    "the event of \"" + excerpt(hook) + "\""));
-    const auto program = std::filesystem::absolute(hook.substr(std::min(equals + 1, hook.size()))).string();
     std::error_code failure;
+    const std::filesystem::path named(hook.substr(std::min(equals + 1, hook.size())));
+    const auto program = std::filesystem::absolute(named, failure).string();
     if (!std::filesystem::is_regular_file(program, failure) || access(program.c_str(), X_OK) != 0)
       throw Error(ErrorCode::invalid_params, "this program cannot be run",
                   Problem{.message = "is no program",
-                          .given = program,
+                          .given = named.string(),
                           .hint = "give EVENT=PROGRAM, a file that may be executed"});
     programs_[event] = program;
   }

@@ -364,7 +364,7 @@ TEST_F(QueueTest, WhatCannotRunIsNotTaken) {
   refused({{"run", short_run()}, {"sweeps", {{{"set", "tip"}, {"values", {1}}}}}}, "/plan/sweeps/0");
   refused({{"run", {{"protocol", "full-lops"}}}}, "/plan/run/protocol");
   refused({{"run", short_run()}, {"sweeps", {{{"set", "top"}, {"values", {0.1, 50}}}}}},
-          "/plan/run/protocol/segments/0");
+          "/plan/run/protocol/segments/0/level");
   refused({{"run", {{"protocol", "full-loops"}, {"device", "vitual"}}}}, "/plan/run/device");
   EXPECT_EQ(code_of([&] { call("queue.add"); }), ErrorCode::invalid_params);
   EXPECT_EQ(call("queue.list").at("total"), 0);
@@ -408,7 +408,12 @@ TEST_F(QueueTest, ARestartTakesARecordingAtItsWord) {
   const auto first = add({{"run", short_run()}, {"repeats", 2}});
   RunRequest done = request(trapezium(0.1, 0.1), true);
   done.id = "0e8c9f6e-7f2d-4f8e-9d5c-2b1a0c3d4e5f";
-  const auto status = finish(done);
+  RunStatus status;
+  {  // that this engine knows nothing of
+    Hub elsewhere;
+    Engine before(folder.path, elsewhere);
+    status = before.wait(before.start(done).run);
+  }
   queue->ledger().begin(first, done.id, status.recording);
   queue->ledger().begin(first + 1, "another", status.recording);
   queue->open();
@@ -462,16 +467,19 @@ TEST_F(QueueTest, TenThousandItemsAreNoBurden) {
   plan.repeats = 10'000;
   queue->ledger().add(plan);  // by itself: each of them would be checked against the model
   const auto run = json{{"run", short_run()}};
-  const double add_time = ms([&] { call("queue.add", run); });
+  constexpr int times = 21;
+  std::vector<double> adds;
+  for (int i = 0; i < times; ++i) adds.push_back(ms([&] { call("queue.add", run); }));
+  std::ranges::sort(adds);
   json listed;
   const double list = ms([&] { listed = call("queue.list"); });
   const double last = ms([&] { call("queue.list", {{"first", 9900}}); });
   const double move = ms([&] { call("queue.move", {{"item", 10'001}, {"first", true}}); });
-  EXPECT_EQ(listed.at("total"), 10'001);
+  EXPECT_EQ(listed.at("total"), 10'000 + times);
   EXPECT_EQ(listed.at("items").size(), 100u);
   EXPECT_EQ(call("queue.list").at("items").front().at("item"), 10'001);
-  std::printf("10,000 items: add %.1f ms, list %.1f ms, its last page %.1f ms, move %.1f ms\n", add_time,
-              list, last, move);
+  std::printf("10,000 items: add %.1f ms, list %.1f ms, its last page %.1f ms, move %.1f ms\n",
+              adds[times / 2], list, last, move);
 }
 
 }  // namespace
