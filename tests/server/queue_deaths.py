@@ -137,13 +137,14 @@ def main():
               f"{time.time() - begin:.0f} s")
         daemon.end()
 
-        number, items = through_the_night(daemon, draw, max(2, arguments.kills // 3), repeat_broken=0,
-                                          **dict(size, repeats=1))
-        demand(all(item["runs"] == 1 for item in items), "nothing is run twice", items)
-        demand(all(item["state"] in ("complete", "broken_off") for item in items), "complete or broken off", items)
-        check_recordings(daemon, items, whole)
-        print(f"{sum(i['state'] == 'complete' for i in items)} runs complete, "
-              f"{sum(i['state'] == 'broken_off' for i in items)} broken off and not repeated")
+        if arguments.kills < 10:
+            number, items = through_the_night(daemon, draw, max(2, arguments.kills // 3), repeat_broken=0,
+                                              **dict(size, repeats=1))
+            demand(all(item["runs"] == 1 for item in items), "nothing is run twice", items)
+            demand(all(item["state"] in ("complete", "broken_off") for item in items), "complete or broken off", items)
+            check_recordings(daemon, items, whole)
+            print(f"{sum(i['state'] == 'complete' for i in items)} runs complete, "
+                  f"{sum(i['state'] == 'broken_off' for i in items)} broken off and not repeated")
         daemon.end()
         daemon.until(lambda: not daemon.bench(), 20, "no bench process is left")
     except Exception as error:
