@@ -95,7 +95,7 @@ ItemChoice one_of_them(const ItemChoice& which) {
   throw Error(ErrorCode::invalid_params, "an item or a plan is wanted",
               Problem{.path = "/item",
                       .message = which.item == 0 ? "is missing" : "is given beside a plan",
-                      .hint = "give either \"item\" or \"plan\"; queue.list names them"});
+                      .hint = R"(give either "item" or "plan"; queue.list names them)"});
 }
 
 QueueAdded put_in_queue(const QueueAdd& p, Queue& queue) {
@@ -103,7 +103,7 @@ QueueAdded put_in_queue(const QueueAdd& p, Queue& queue) {
     throw Error(ErrorCode::invalid_params, "a run or a plan is wanted",
                 Problem{.path = "/run",
                         .message = p.run ? "is given beside a plan" : "is missing",
-                        .hint = "give either \"run\" or \"plan\""});
+                        .hint = R"(give either "run" or "plan")"});
   const auto added = [](const Ledger::Added& a) { return QueueAdded{a.plan, a.first, a.count}; };
   if (p.run) {
     Plan plan;

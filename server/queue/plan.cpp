@@ -39,13 +39,12 @@ void check_sweep(const Sweep& sweep, const std::string& path, std::vector<Proble
                         .given = std::move(given),
                         .hint = std::move(hint)});
   };
-  if (sweep.set.empty()) add("/set", "is empty", nullptr, "name a setting, for example \"rate\"");
+  if (sweep.set.empty()) add("/set", "is empty", nullptr, R"(name a setting, for example "rate")");
   if (sweep.confirm.size() > most_text)
     add("/confirm", "is too long", sweep.confirm.size(), "a sentence will do");
   const bool range = sweep.from || sweep.to;
   if (sweep.values && range)
-    return add("", "has values and a range", nullptr,
-               "give either \"values\", or \"from\", \"to\" and \"count\"");
+    return add("", "has values and a range", nullptr, R"(give either "values", or "from", "to" and "count")");
   if (sweep.values) {
     if (sweep.values->empty()) add("/values", "is empty", nullptr, "give one value at least");
     if (sweep.values->size() > most_planned_runs)
@@ -60,7 +59,7 @@ void check_sweep(const Sweep& sweep, const std::string& path, std::vector<Proble
     return;
   }
   if (!sweep.from || !sweep.to)
-    return add("", "has no values", nullptr, "give \"values\", or \"from\", \"to\" and \"count\"");
+    return add("", "has no values", nullptr, R"(give "values", or "from", "to" and "count")");
   if (sweep.spacing == Spacing::logarithmic && !(*sweep.from * *sweep.to > 0))
     add("/from", "cannot be spaced logarithmically", *sweep.from, "both ends must be above 0, or both below");
 }
