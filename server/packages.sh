@@ -1,7 +1,7 @@
 # What building and testing need on Debian 12, and how to get it. Sourced by server/demo.sh and tests/run.sh.
 build_packages="cmake ninja-build g++ ccache git ca-certificates pkg-config
   nlohmann-json3-dev libboost-dev libspdlog-dev libfmt-dev libcli11-dev libhdf5-dev zlib1g-dev libeigen3-dev libceres-dev libhwy-dev
-  libpagmo-dev libtbb-dev libusb-1.0-0-dev libssl-dev libcurl4-openssl-dev libsystemd-dev prometheus-cpp-dev
+  libpagmo-dev libtbb-dev libusb-1.0-0-dev libssl-dev libcurl4-openssl-dev libsystemd-dev libsqlite3-dev prometheus-cpp-dev
   gnuplot-nox dpkg-dev file"
 test_packages="libgtest-dev libgmock-dev librapidcheck-dev libsundials-dev libbenchmark-dev
   python3 python3-h5py python3-pandas python3-pip python3-setuptools python3-wheel python3-jsonschema python3-jsonrpclib-pelix

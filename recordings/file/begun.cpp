@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "recordings/file/pack.h"
+#include "recordings/file/reader.h"
 #include "recordings/file/recover.h"
 
 namespace ferrobench::recordings {
@@ -20,6 +21,15 @@ Descriptor begun(const std::string& path, const Begin& begin, Existing existing)
     throw;
   }
   return writer.file();
+}
+
+// Whoever had this run before made its file, and died before the journal was gone.
+bool is_made(const std::string& path, const Begin& begin) try {
+  const auto& identifier = begin.header.entry_identifier;
+  return !identifier.empty() && read_summary(path).header.entry_identifier == identifier &&
+         present_file(path) == path;
+} catch (const Error&) {
+  return false;
 }
 
 }  // namespace
@@ -50,6 +60,7 @@ void BegunRecording::finish(const Ending& ending, std::uint64_t rows) {
       pack(written, ending, events, path_, existing_);
       break;
     } catch (const Error& error) {
+      if (is_made(path_, begin_)) break;
       // A failure that came once may not come again.
       if (attempt == 1 && error.code() != ErrorCode::disk_full) continue;
       auto problems = error.problems();

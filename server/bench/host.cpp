@@ -72,7 +72,7 @@ void Host::serve() {
   std::map<std::uint32_t, Running> runs;
   {
     const std::scoped_lock lock(mutex_);
-    test_stop_ = "the bench shuts down";
+    test_stop_ = shuts_down;
     runs.swap(runs_);
   }
   runs.clear();  // the output is at zero
@@ -326,7 +326,7 @@ void Host::watch_server() {
   if (!silent) return;
   const std::scoped_lock lock(mutex_);
   for (auto& [number, running] : runs_)
-    if (!running.unattended) running.run->stop("the server did not answer for 5 s");
+    if (!running.unattended) running.run->stop(server_silent);
 }
 
 // The server has ended, however it did.
@@ -338,10 +338,10 @@ void Host::desert() {
     const std::scoped_lock lock(mutex_);
     served_ = false;
     replies_.clear();
-    test_stop_ = "the server has ended";
+    test_stop_ = server_ended;
     devices.swap(devices_);
     for (auto& [number, running] : runs_) {
-      if (!running.unattended) running.run->stop("the server has ended");
+      if (!running.unattended) running.run->stop(server_ended);
       running.told_closed = false;
       running.told = {};
       if (running.run->begun() && !running.folder.empty()) folder = running.folder;

@@ -93,7 +93,7 @@ Run::Run(std::shared_ptr<daq::Device> device, const Prepare& asked, std::functio
 }
 
 Run::~Run() {
-  guard_.stop("the bench shuts down");
+  guard_.stop(shuts_down);
   if (acquisition_.joinable()) acquisition_.join();
   if (writer_.joinable()) writer_.join();
 }

@@ -13,6 +13,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <string_view>
 #include <thread>
 
 #include "daq/guard/guard.h"
@@ -20,6 +21,14 @@
 #include "server/bench/recorder.h"
 
 namespace ferrobench::bench {
+
+// Why a bench stops a run though nobody has asked for it.
+inline constexpr const char* shuts_down = "the bench shuts down";
+inline constexpr const char* server_ended = "the server has ended";
+inline constexpr const char* server_silent = "the server did not answer for 5 s";
+inline bool broke_off(std::string_view reason) {
+  return reason == shuts_down || reason == server_ended || reason == server_silent;
+}
 
 class Run {
  public:

@@ -33,6 +33,7 @@ void add_replay(CLI::App& app, Common& common);
 void add_rerun(CLI::App& app, Common& common);
 void add_compare(CLI::App& app, Common& common);
 void add_list(CLI::App& app, Common& common);
+void add_queue(CLI::App& app, Common& common);
 void add_recover(CLI::App& app, Common& common);
 void add_report(CLI::App& app, Common& common);
 void add_table(CLI::App& app, Common& common);

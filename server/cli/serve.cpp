@@ -19,6 +19,7 @@
 #include "server/net/audit.h"
 #include "server/net/server.h"
 #include "server/net/token.h"
+#include "server/queue/queue.h"
 #include "server/web/page.h"
 
 namespace ferrobench::cli {
@@ -30,6 +31,7 @@ namespace {
 struct ServeOptions {
   server::ServerOptions net;
   std::string token_file{};
+  std::vector<std::string> hooks{};
 };
 
 // The page's address opens the bench to whoever has it. A terminal shows it to its user alone; a file or a
@@ -87,7 +89,11 @@ int serve(const ServeOptions& o, const Common& common) {
   server::Hub hub;
   server::Engine engine(common.data_folder(), hub);
   server::Dispatcher rpc;
-  add_all_methods(rpc, engine);
+  const auto queue = std::make_shared<server::Queue>(
+      engine, std::make_unique<server::Hooks>(o.hooks, [](const std::string& failure) {
+        std::cerr << "ferrobench: " << failure << std::endl;
+      }));
+  add_all_methods(rpc, engine, queue);
   try {
     if (const auto found = engine.take_over(); !found.empty()) std::cout << found << std::endl;
   } catch (const std::exception& failure) {
@@ -105,6 +111,11 @@ int serve(const ServeOptions& o, const Common& common) {
                         std::cout << text << std::endl;
                       if (!unit.empty()) engine.hazards().add(unit, text);
                     });
+  try {
+    if (const auto found = queue->open(); !found.empty()) std::cout << found << std::endl;
+  } catch (const Error& failure) {
+    std::cerr << "ferrobench: there is no queue: " << failure.what() << std::endl;
+  }
 
   auto options = o.net;
   options.unix_socket = common.socket_path();
@@ -152,12 +163,14 @@ int serve(const ServeOptions& o, const Common& common) {
     return waited + (run_over ? "views and jobs" : what_the_run_waits_for(engine));
   });
   recordings::end_all_children();
+  queue->close();
   auto stopped = std::async(std::launch::async, [&engine] { engine.stop(); });
   for (int told = Interrupt::count();
        stopped.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready;)
     if (std::exchange(told, Interrupt::count()) != Interrupt::count()) engine.hasten();
   stopped.get();
   run_over = true;
+  queue->end();
   door.stop();
   return exit_ok;
 }
@@ -183,6 +196,13 @@ void add_serve(CLI::App& app, Common& common) {
                   "the secret that HTTP clients show; made at the first start, mode 0600; default: "
                   "~/.local/state/ferrobench/token")
       ->type_name("FILE");
+  sub->add_option(
+         "--on", o->hooks,
+         "a program that is told, as PROGRAM EVENT JSON, of run_ended, limit_tripped, queue_empty or "
+         "queue_stopped; again for more")
+      ->type_name("EVENT=PROGRAM")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   sub->footer(
       "SIGTERM or Ctrl-C bring the output to zero within the limits' stop_time, usually 10 s; a second one\n"
       "hastens it. A minute after that it ends, whatever still hangs, and the next start makes the file.\n"
@@ -194,6 +214,7 @@ void add_serve(CLI::App& app, Common& common) {
       "Examples:\n"
       "  ferrobench serve\n"
       "  ferrobench serve --port 0 --data /tmp/bench\n"
+      "  ferrobench serve --on queue_stopped=/usr/local/bin/wake-me\n"
       "  ferrobench serve --address 0.0.0.0 --host bench.lab --tls-certificate bench.pem --tls-key "
       "bench.key");
   sub->callback([o, &common] { common.action = [o, &common] { return serve(*o, common); }; });

@@ -18,7 +18,7 @@ using nlohmann::json;
 namespace {
 
 // What a hint may name. A method without a command of its own is called by `ferrobench call`.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 18> commands{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 20> commands{
     {{"device.close", "call device.close"},
      {"device.list", "call device.list"},
      {"job.cancel", "call job.cancel"},
@@ -32,6 +32,8 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 18> commands
      {"model.list", "model list"},
      {"model.simulate", "simulate"},
      {"protocol.list", "protocol list"},
+     {"queue.add", "queue add"},
+     {"queue.list", "queue list"},
      {"recording.list", "list"},
      {"recording.recover", "recover"},
      {"rpc.discover", "call rpc.discover"},

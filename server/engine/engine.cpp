@@ -49,6 +49,14 @@ Engine::Engine(const std::filesystem::path& data_folder, Hub& hub, DeviceOpener 
                     {"time_s", {{"type", "number"}, {"x-unit", "s"}, {"description", "in the run"}}},
                     {"kind", {{"type", "string"}}},
                     {"message", {{"type", "string"}}}}}}});
+  hub.add_topic({.name = "queue",
+                 .doc = "what the queue does, when that or its items have changed; queue.list has them",
+                 .schema = {{"type", "object"},
+                            {"properties",
+                             {{"state", {{"type", "string"}}},
+                              {"reason", {{"type", "string"}}},
+                              {"item", {{"type", "integer"}}},
+                              {"confirm", {{"type", "string"}}}}}}});
   hub.add_topic(
       {.name = "job", .doc = "status of a job when it changes", .schema = json_schema<JobStatus>()});
 }
@@ -58,13 +66,13 @@ void Engine::stop() {
   {
     Lock lock(mutex_);
     stopped_ = true;
-    test_stop_ = "the bench shuts down";
-    if (preparing_ && preparing_->status.reason.empty()) preparing_->status.reason = "the bench shuts down";
+    test_stop_ = bench::shuts_down;
+    if (preparing_ && preparing_->status.reason.empty()) preparing_->status.reason = bench::shuts_down;
     changed_.wait(lock, [this] { return tested_.empty() && !preparing_; });
     run = run_;
   }
   if (!run) return;
-  run->stop("the bench shuts down");
+  run->stop(bench::shuts_down);
   run->wait();
 }
 
@@ -119,13 +127,16 @@ std::optional<RunStatus> Engine::repeated(const Asked& asked, Lock& lock) {
 RunStatus Engine::start(const RunRequest& request, const std::string& path) {
   Asked asked{.key = request.idempotency_key};
   if (!asked.key.empty()) asked.request = write_json(request);
-  RunSetup setup{.id = to_string(boost::uuids::random_generator()()), .device_name = request.device};
+  RunSetup setup{.id = request.id.empty() ? to_string(boost::uuids::random_generator()()) : request.id,
+                 .device_name = request.device};
+  setup.identifier = setup.id;
   std::shared_ptr<Run> before;
   std::shared_ptr<HeldDevice> open;
   {
     Lock lock(mutex_);
     if (auto run = repeated(asked, lock)) return *run;
     demand_rest("no other starts");
+    if (request.last_word) request.last_word();
     lease_.forget_lost();
     preparing_ = {.status = {.run = setup.id,
                              .state = RunState::arming,
@@ -323,7 +334,7 @@ daq::Limits Engine::limits() const {
 }
 
 void Engine::demand_rest(const std::string& what) const {
-  if (stopped_) throw Error(ErrorCode::bad_state, "the bench shuts down");
+  if (stopped_) throw Error(ErrorCode::bad_state, bench::shuts_down);
   if (preparing_)
     throw Error(ErrorCode::busy, what + " while a run is being prepared",
                 Problem{.given = preparing_->status.run, .hint = "wait for its end, or run.abort it"});

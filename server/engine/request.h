@@ -1,6 +1,7 @@
 // What a client asks for when it starts a run, and the plan that comes of it.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <string>
 #include <string_view>
@@ -30,6 +31,10 @@ struct RunRequest {
   // that the device names. What becomes of a file that is where the recording is to go.
   std::string replay_file{};
   recordings::Existing existing = recordings::Existing::keep;
+  // For the queue alone: the id that the run is to have, "" for a new one; and what is asked when a stop
+  // would reach the run from then on: throws if it must not start.
+  std::string id{};
+  std::function<void()> last_word{};
 };
 template <class Visitor>
 void describe(Visitor& visit, RunRequest& r) {

@@ -47,6 +47,38 @@ std::span<const std::pair<RunState, std::string_view>> enum_names(RunState) {
   return names;
 }
 
+std::span<const std::pair<RunEnding, std::string_view>> enum_names(RunEnding) {
+  static constexpr std::array<std::pair<RunEnding, std::string_view>, 7> names{
+      {{RunEnding::none, "none"},
+       {RunEnding::complete, "complete"},
+       {RunEnding::stopped, "stopped"},
+       {RunEnding::limit, "limit"},
+       {RunEnding::interlock, "interlock"},
+       {RunEnding::fault, "fault"},
+       {RunEnding::broken_off, "broken_off"}}};
+  return names;
+}
+
+namespace {
+
+RunEnding ending_of(daq::End end, const std::string& reason) {
+  switch (end) {
+    case daq::End::stopped:
+      return bench::broke_off(reason) ? RunEnding::broken_off : RunEnding::stopped;
+    case daq::End::limit:
+      return RunEnding::limit;
+    case daq::End::interlock:
+      return RunEnding::interlock;
+    case daq::End::none:
+    case daq::End::complete:
+    case daq::End::fault:
+      break;
+  }
+  return RunEnding::fault;
+}
+
+}  // namespace
+
 Run::Run(RunSetup setup, Hub& hub)
     : setup_(std::move(setup)),
       hub_(hub),
@@ -170,7 +202,7 @@ void Run::begin(const std::string& stopped) {
 
 Run::~Run() {
   if (begun_) {
-    if (!over()) stop("the bench shuts down");
+    if (!over()) stop(bench::shuts_down);
     wait();
   } else {
     try {
@@ -301,7 +333,11 @@ void Run::finish(const bench::Closed& closed) {
   if (failure.empty()) last_.rows_on_disk = closed.rows;
   at_zero_ = closed.state.output_at_zero;
   warning_ = closed.state.warning;
-  end(complete && failure.empty() ? RunState::complete : RunState::aborted, reason, recorded);
+  const bool whole = complete && failure.empty();
+  end(whole              ? RunEnding::complete
+      : !failure.empty() ? RunEnding::fault
+                         : ending_of(closed.state.end, reason),
+      reason, recorded);
 }
 
 // The bench died, and whatever may hold a voltage is brought to zero by its successor.
@@ -326,11 +362,12 @@ void Run::recover(const std::string& why) {
   if (rows) last_.rows = last_.rows_on_disk = *rows;
   at_zero_ = warning.empty();
   warning_ = warning;
-  end(RunState::aborted, reason, recorded);
+  end(RunEnding::broken_off, reason, recorded);
 }
 
-void Run::end(RunState state, const std::string& reason, bool recorded) {
-  state_ = state;
+void Run::end(RunEnding ending, const std::string& reason, bool recorded) {
+  state_ = ending == RunEnding::complete ? RunState::complete : RunState::aborted;
+  ending_ = ending;
   reason_ = reason;
   ended_ = recordings::iso_now();
   recorded_ = recorded;
@@ -377,6 +414,7 @@ RunStatus Run::status() const {
   out.progress = std::min(
       1.0, static_cast<double>(out.rows) / static_cast<double>(std::max<std::int64_t>(out.rows_expected, 1)));
   out.state = state_;
+  out.ending = ending_;
   out.reason = reason_;
   out.ended = ended_;
   if (is_over(state_)) {

@@ -41,9 +41,16 @@ inline bool is_over(RunState s) {
   return s == RunState::idle || s == RunState::complete || s == RunState::aborted;
 }
 
+// What ended a run that is over.
+//   stopped     somebody did: run.abort, a lease that ran out
+//   broken_off  nobody did: a process died, hung or shut down, and the output went to zero
+enum class RunEnding { none, complete, stopped, limit, interlock, fault, broken_off };
+std::span<const std::pair<RunEnding, std::string_view>> enum_names(RunEnding);
+
 struct RunStatus {
   std::string run{};
   RunState state = RunState::idle;
+  RunEnding ending = RunEnding::none;
   std::string reason{};
   std::string protocol{}, title{}, device{};
   std::string recording{}, path{};
@@ -61,6 +68,7 @@ template <class Visitor>
 void describe(Visitor& visit, RunStatus& s) {
   visit("run", s.run, {.required = true, .doc = "its id; \"\" if there was none yet"});
   visit("state", s.state, {.required = true});
+  visit("ending", s.ending, {.doc = "what ended it; none while it runs"});
   visit("reason", s.reason, {.doc = "why it was aborted"});
   visit("protocol", s.protocol, {});
   visit("title", s.title, {});
@@ -84,6 +92,7 @@ void describe(Visitor& visit, RunStatus& s) {
 
 struct RunSetup {
   std::string id{};
+  std::string identifier{};  // of the recording; "": a new one
   RunPlan plan{};
   std::shared_ptr<HeldDevice> device{};
   bool last_use = true;  // the device is closed when the run is over
@@ -139,7 +148,7 @@ class Run : private RunWatcher {
   void show();
   void finish(const bench::Closed& closed);
   void recover(const std::string& why);
-  void end(RunState state, const std::string& reason, bool recorded);
+  void end(RunEnding ending, const std::string& reason, bool recorded);
   void publish(const recordings::Event& event);
   void tell();
 
@@ -161,6 +170,7 @@ class Run : private RunWatcher {
   std::optional<bench::Closed> closed_;
   std::optional<std::string> lost_;
   RunState state_ = RunState::arming;
+  RunEnding ending_ = RunEnding::none;
   std::string reason_, ended_, warning_;
   bool at_zero_ = false;
   bool recorded_ = true;

@@ -51,7 +51,8 @@ recordings::Header header_of(const RunSetup& setup, const bench::Prepared& prepa
   if (replay == nullptr)
     header.past = on_to(std::move(header.past), device.output, prepared.first_level, prepared.stop_slew);
   header.start_time = recordings::iso_now();
-  header.entry_identifier = to_string(boost::uuids::random_generator()());
+  header.entry_identifier =
+      setup.identifier.empty() ? to_string(boost::uuids::random_generator()()) : setup.identifier;
   header.device = device.info;
   header.device["sample_rate_asked"] = setup.plan.sample_rate;
   header.device["sample_rate"] = prepared.rate;

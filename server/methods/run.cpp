@@ -1,4 +1,5 @@
 #include "server/methods/methods.h"
+#include "server/queue/queue.h"
 
 namespace ferrobench::server {
 namespace {
@@ -70,7 +71,7 @@ const std::vector<ErrorCode> start_errors{
 
 }  // namespace
 
-void add_run_methods(Dispatcher& rpc, Engine& engine) {
+void add_run_methods(Dispatcher& rpc, Engine& engine, const std::shared_ptr<Queue>& queue) {
   rpc.add<RunRequest>({.name = "run.start",
                        .doc = "Checks a program against the limits, starts it and returns at once.",
                        .role = Role::control,
@@ -94,14 +95,23 @@ void add_run_methods(Dispatcher& rpc, Engine& engine) {
   rpc.add<AbortParams>(
       {.name = "run.abort",
        .doc = "The emergency stop: the output ramps to zero at stop_slew; asked for a second time, at slew. "
-              "Without a run's id a self-test is stopped too. For everybody, whoever holds the lease.",
+              "Without a run's id a self-test is stopped too. The queue stops with it. For everybody, "
+              "whoever holds "
+              "the lease.",
        .role = Role::stop,
        .errors = {ErrorCode::not_found, ErrorCode::bad_state}},
-      [&engine](const AbortParams& p, CallContext& caller) {
+      [&engine, queue](const AbortParams& p, CallContext& caller) {
         if (caller.again)
           if (auto status = engine.status(p.run); is_over(status.state)) return status;
-        return engine.abort(p.run, "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason),
-                            caller.again);
+        const auto reason = "stopped by " + caller.client + (p.reason.empty() ? "" : ": " + p.reason);
+        // First: nothing starts between. A stop of a run that is over long since is none of the queue.
+        const bool halted = (p.run.empty() || engine.status().run == p.run) && queue->halt(reason);
+        try {
+          return engine.abort(p.run, reason, caller.again);
+        } catch (const Error& nothing) {
+          if (!halted || nothing.code() != ErrorCode::bad_state) throw;
+          return engine.status();
+        }
       });
   rpc.add<ReplayRequest>({.name = "replay.start",
                           .doc = "Runs a recording again as it was measured, into a new recording.",

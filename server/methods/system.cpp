@@ -2,6 +2,7 @@
 
 #include "recordings/format/version.h"
 #include "server/methods/methods.h"
+#include "server/queue/queue.h"
 #include "server/rpc/discover.h"
 #include "server/rpc/subscribe.h"
 
@@ -198,10 +199,15 @@ void add_system_methods(Dispatcher& rpc, Engine& engine) {
 }
 
 void add_all_methods(Dispatcher& rpc, Engine& engine) {
+  add_all_methods(rpc, engine, std::make_shared<Queue>(engine));
+}
+
+void add_all_methods(Dispatcher& rpc, Engine& engine, const std::shared_ptr<Queue>& queue) {
   add_system_methods(rpc, engine);
   add_device_methods(rpc, engine);
   add_protocol_methods(rpc, engine);
-  add_run_methods(rpc, engine);
+  add_run_methods(rpc, engine, queue);
+  add_queue_methods(rpc, queue);
   add_recording_methods(rpc, engine);
   add_import_method(rpc, engine);
   add_model_methods(rpc, engine);

@@ -27,6 +27,7 @@ const json* known(const std::string& name, bool result) {
       {"config", or_null(any_object())},
       {"set", any_object()},
       {"parameters", map_of(number())},
+      {"values", any_object()},
       {"info", any_object()},
       {"result", or_null(any_object())},
       {"error", or_null(object({{"name", text()}, {"message", text()}, {"problems", list_of(problem())}}))},
@@ -132,7 +133,10 @@ void name_the_unnamed(json& schema, bool result) {
         member["type"] = "string";
       if (member.is_object()) name_the_unnamed(member, result);
     }
-  if (schema.contains("items") && schema["items"].is_object()) name_the_unnamed(schema["items"], result);
+  if (schema.contains("items") && schema["items"].is_object()) {
+    if (!has_shape(schema["items"])) schema["items"].update(any());
+    name_the_unnamed(schema["items"], result);
+  }
 }
 
 }  // namespace ferrobench::server::schema

@@ -10,6 +10,7 @@ import { Jobs } from "./jobs.js";
 import { Live } from "./live.js";
 import { ModelView } from "./model.js";
 import { RecordingView, drawLoops } from "./recording.js";
+import { QueueView } from "./queue.js";
 import { Recordings } from "./recordings.js";
 import { startRouter } from "./router.js";
 import { Rpc } from "./rpc.js";
@@ -23,6 +24,7 @@ const run = new RunPanel(rpc, runChanged);
 const lease = new LeasePanel(rpc, allowStart);
 const device = new DevicePanel(rpc);
 const experiment = new Experiment(rpc, (status) => run.begin(status));
+const queue = new QueueView(rpc);
 const recordings = new Recordings(rpc, (names) => (location.hash = `#recordings/${names.map(encodeURIComponent).join("+")}`), () => model.showRecordings());
 const recording = new RecordingView(rpc, byId("recording"), {
   list: () => recordings.list,
@@ -111,10 +113,10 @@ async function greet() {
   await lease.reconnected();
   version = (await rpc.call("system.info")).version;
   showConnection();
-  for (const topic of ["run", "events", "job"]) await rpc.call("subscribe", { topic });
+  for (const topic of ["run", "events", "job", "queue"]) await rpc.call("subscribe", { topic });
   await rpc.call("subscribe", { topic: "samples", max_rate_Hz: 30 });
   run.show(await rpc.call("run.status"));
-  const [limits, devices] = await Promise.all([showLimits(rpc), device.load(), recordings.refresh(), model.refresh()]);
+  const [limits, devices] = await Promise.all([showLimits(rpc), device.load(), recordings.refresh(), model.refresh(), queue.refresh()]);
   await experiment.load(limits, devices);
   await model.refresh();
   greeted = true;

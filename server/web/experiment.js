@@ -65,6 +65,7 @@ export class Experiment {
     byId("protocol-search").addEventListener("input", () => this.#filter());
     byId("protocol-file").addEventListener("change", (event) => this.#useFile(event.target.files[0]));
     byId("use-text").addEventListener("click", () => this.#useText());
+    byId("enqueue").addEventListener("click", () => this.#enqueue());
     byId("save-protocol").addEventListener("click", () => this.#save());
     byId("start-form").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -176,6 +177,7 @@ export class Experiment {
   // A parameter has the unit of where it is used.
   #parameters() {
     const parameters = Object.entries(this.protocol.parameters ?? {});
+    byId("sweep-settings").replaceChildren(...[...parameters.map(([name]) => name), "prestress_MPa"].map((name) => element("option", { value: name })));
     const box = byId("parameters");
     box.hidden = parameters.length === 0;
     box.replaceChildren(element("legend", {}, "Parameters of the protocol"), ...parameters.map(([name, value]) => {
@@ -330,6 +332,31 @@ export class Experiment {
       this.editor.setLevel(held.path, level);
       held = null;
     });
+  }
+
+  // What the form says, as a plan: with a setting that changes, several runs.
+  async #enqueue() {
+    const modelled = byId("device").value === "virtual";
+    const set = byId("sweep-set").value.trim();
+    const value = (text) => (Number.isNaN(Number(text)) ? text : Number(text));
+    const values = byId("sweep-values").value.trim().split(/[\s;]+/).filter(Boolean).map(value);
+    const plan = {
+      run: {
+        ...this.#program(), device: byId("device").value || "virtual", fast: modelled && byId("fast").checked ? true : undefined,
+        seed: modelled ? readNumber(byId("seed")) : undefined, notes: byId("notes").value || undefined,
+      },
+      repeats: readNumber(byId("repeats")),
+      sweeps: set || values.length ? [{ set, values, confirm: byId("sweep-confirm").value || undefined }] : undefined,
+    };
+    try {
+      clearErrors();
+      const added = await this.rpc.call("queue.add", { plan });
+      byId("enqueue-note").textContent = `${added.count === 1 ? "One run" : `${added.count} runs`} added as plan ${added.plan}.`;
+    } catch (error) {
+      byId("enqueue-note").textContent = "";
+      for (const problem of error.problems ?? []) problem.path = problem.path?.replace(/^\/plan(\/run)?/, "");
+      showError("Nothing was put into the queue.", error);
+    }
   }
 
   async #start() {

@@ -1,5 +1,5 @@
-// Views by the address: #bench, #experiment, #recordings, #recordings/NAME, #model.
-export const views = ["bench", "experiment", "recordings", "model"];
+// Views by the address: #bench, #experiment, #queue, #recordings, #recordings/NAME, #model.
+export const views = ["bench", "experiment", "queue", "recordings", "model"];
 
 // shown(view, rest) whenever another view, or another part of it, is asked for.
 export function startRouter(shown) {

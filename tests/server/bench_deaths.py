@@ -288,4 +288,5 @@ def main():
         print("as it should be:", way.__name__, flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -173,6 +173,16 @@ TEST_F(OpenRpc, IsTrue) {
   call("recording.export", {{"name", first}});
   call("recording.recover", json::object());
   call("recording.delete", {{"name", second}});
+  const json planned{{"run", {{"protocol", trapezium(0.05, 0.05)}}},
+                     {"sweeps", {{{"set", "top"}, {"values", {0.1, 0.2}}}}},
+                     {"repeats", 2}};
+  const auto queued = call("queue.add", {{"plan", planned}});
+  call("queue.move", {{"item", queued["first_item"]}});
+  call("queue.list", json::object());
+  for (const auto* format : {"json", "csv"})
+    call("queue.summary", {{"plan", queued["plan"]}, {"format", format}});
+  call("queue.stop", json::object());
+  call("queue.remove", {{"plan", queued["plan"]}});
   const auto lease = call("lease.acquire", json::object())["lease"];
   call("lease.present", {{"lease", lease}});
   call("lease.renew", json::object());

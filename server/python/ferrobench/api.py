@@ -116,14 +116,15 @@ ERRORS: dict[str, type[Error]] = {"bad_model": BadModel, "bad_protocol": BadProt
 VIEWING = frozenset(["device.info", "device.list", "discrepancy.result", "discrepancy.status", "job.list",
     "job.status", "lease.acquire", "lease.present", "lease.release", "lease.renew", "lease.status", "limits.get",
     "model.effects", "model.get", "model.list", "model.schema", "protocol.get", "protocol.list", "protocol.preview",
-    "protocol.schema", "protocol.validate", "recording.compare", "recording.info", "recording.list",
-    "recording.read", "recording.report", "rpc.discover", "run.list", "run.status", "subscribe", "system.info",
-    "table.compare", "table.list", "unsubscribe"])
+    "protocol.schema", "protocol.validate", "queue.list", "queue.summary", "recording.compare", "recording.info",
+    "recording.list", "recording.read", "recording.report", "rpc.discover", "run.list", "run.status", "subscribe",
+    "system.info", "table.compare", "table.list", "unsubscribe"])
 
 # What a connection can subscribe to.
 TOPICS = {
     "events": "what the recording notes: limit trips, gaps, pauses, stops",
     "job": "status of a job when it changes",
+    "queue": "what the queue does, when that or its items have changed; queue.list has them",
     "run": "status of the run: at each change of state, and five times a second",
     "samples": "smallest and largest value of each channel over stretches of rows, while a run goes on",
 }
@@ -160,6 +161,7 @@ class RunStatus(TypedDict, total=False):
     device: str
     duration_s: float  # [s] of the whole program, pauses so far included
     ended: str  # ISO 8601, "" while it runs
+    ending: Literal["none", "complete", "stopped", "limit", "interlock", "fault", "broken_off"]  # what ended it; none while it runs
     output_at_zero: bool  # false while it runs, or if the device did not obey
     path: str  # its file on the daemon's machine
     progress: float  # share of the rows that have come
@@ -265,6 +267,42 @@ class ModelListModel(TypedDict, total=False):
     title: str
 
 
+class QueueList(TypedDict, total=False):
+    counts: QueueListCounts  # how many there are of all, by state
+    items: list[QueueListItem]  # in the order in which they run and have run
+    queue: QueueListQueue  # what it does
+    total: int  # how many there are of those asked for
+
+
+class QueueListCounts(TypedDict, total=False):
+    aborted: int
+    broken_off: int
+    complete: int
+    failed: int
+    running: int
+    waiting: int
+
+
+class QueueListItem(TypedDict, total=False):
+    item: int  # its id
+    name: str  # of the plan
+    plan: int  # id of its plan; a single run is one as well
+    reason: str  # why it is not complete
+    recording: str  # of its latest run, if anything was recorded
+    repeat: int  # which of the repeats of these values
+    run: str  # id of its latest run
+    runs: int  # made for it so far; more than one only where a broken one was repeated
+    state: Literal["waiting", "running", "complete", "aborted", "failed", "broken_off"]
+    values: dict[str, Any]  # what it has of its own among the runs of the plan: settings by key
+
+
+class QueueListQueue(TypedDict, total=False):
+    confirm: str  # what a person must do, then queue.confirm; "": nothing
+    item: int  # that is running, or whose turn it is; 0: none
+    reason: str  # why it is stopped, or what it waits for
+    state: Literal["stopped", "running", "asks", "waits"]  # stopped; running; asks: a person must do and confirm something first; waits: for the bench
+
+
 class TableList(TypedDict, total=False):
     tables: list[TableListTable]  # by name
 
@@ -329,9 +367,19 @@ class RecordingListRecording(TypedDict, total=False):
     title: str
 
 
+class QueueAdd(TypedDict, total=False):
+    count: int  # how many runs
+    first_item: int  # id of the first run in its order; the others follow
+    plan: int  # its id; a single run is a plan as well
+
+
 class Subscribe(TypedDict, total=False):
     subscribed: bool  # whether notifications come from now on
     topic: str
+
+
+class QueueMove(TypedDict, total=False):
+    count: int  # how many items
 
 
 ModelSchema = TypedDict("ModelSchema", {"$defs": "dict[str, Any]", "$id": "str", "$schema": "str",
@@ -366,14 +414,22 @@ class ModelEffectsEffectParameter(TypedDict, total=False):
     unit: str  # of its value and range; 1 where it has none
 
 
-class TableCompare(TypedDict, total=False):
-    columns: list[TableCompareColumn]  # in order
+class QueueSummary(TypedDict, total=False):
+    content: str  # the whole summary, in a format other than json
+    known_figures: list[str]  # what can be asked for
+    means: QueueSummaryMeans
+    runs: QueueSummaryMeans
+    title: str  # of the plan
+
+
+class QueueSummaryMeans(TypedDict, total=False):
+    columns: list[QueueSummaryMeansColumn]  # in order
     notes: list[str]
     rows: list[dict[str, Any]]
     title: str
 
 
-class TableCompareColumn(TypedDict, total=False):
+class QueueSummaryMeansColumn(TypedDict, total=False):
     key: str
     title: str
     uncertainty: str  # key of the standard uncertainties in its rows, in the column's unit; absent: none are stated
@@ -578,6 +634,13 @@ class EventsMessage(TypedDict, total=False):
     run: str  # absent if it concerns none
     time: str  # ISO 8601
     time_s: float  # [s] in the run
+
+
+class QueueMessage(TypedDict, total=False):
+    confirm: str
+    item: int
+    reason: str
+    state: str
 
 
 class SamplesMessage(TypedDict, total=False):
@@ -1175,6 +1238,140 @@ class ProtocolArea(Area):
         return self._call("protocol.validate", {"protocol": protocol})
 
 
+class QueueArea(Area):
+    """queue.*"""
+
+    def add(self, *, run: Mapping[str, Any] | None = None, plan: Mapping[str, Any] | None = None) -> QueueAdd:
+        """Puts a run or a plan at the end of the queue, and starts nothing. All its runs are checked against models
+        and limits first.
+
+        Parameters
+        ----------
+        run
+            a single run; or a plan:
+        plan
+            a run over lists or ranges of its settings
+
+        Raises
+        ------
+        InvalidParams, NotFound, BadProtocol, BadModel, LimitExceeded, NotController, IoError, DiskFull, Numerical
+        """
+        return self._call("queue.add", {"run": run, "plan": plan})
+
+    def confirm(self, item: int) -> QueueListQueue:
+        """Says that what the queue asks for is done. The next run begins at once.
+
+        Parameters
+        ----------
+        item
+            id of the item that asks for it; at least 1
+
+        Raises
+        ------
+        InvalidParams, NotFound, BadState, NotController, IoError, DiskFull
+        """
+        return self._call("queue.confirm", {"item": item})
+
+    def list(self, *, first: int | None = None, count: int | None = None, plan: int | None = None,
+            state: Literal["waiting", "running", "complete", "aborted", "failed", "broken_off"] | None = None) -> QueueList:
+        """What the queue does, and a page of its items.
+
+        Parameters
+        ----------
+        first
+            how many to leave out at the beginning; at least 0; at most 1e+09; default 0
+        count
+            how many at most; at least 0; at most 1000; default 100
+        plan
+            of this plan alone; 0: of all; at least 0; default 0
+        state
+            in this state alone; absent: in any
+
+        Raises
+        ------
+        InvalidParams, IoError, DiskFull
+        """
+        return self._call("queue.list", {"first": first, "count": count, "plan": plan, "state": state})
+
+    def move(self, *, item: int | None = None, plan: int | None = None, before: int | None = None,
+            first: bool | None = None) -> QueueMove:
+        """Moves what waits before another item, to the front or to the end.
+
+        Parameters
+        ----------
+        item
+            id of an item; or:; at least 0; default 0
+        plan
+            id of a plan, for all its items; at least 0; default 0
+        before
+            id of another item that waits; absent: to the end, unless; at least 1
+        first
+            before all others that wait; default False
+
+        Raises
+        ------
+        InvalidParams, NotFound, LimitExceeded, BadState, NotController, IoError, DiskFull
+        """
+        return self._call("queue.move", {"item": item, "plan": plan, "before": before, "first": first})
+
+    def remove(self, *, item: int | None = None, plan: int | None = None) -> QueueMove:
+        """Forgets items, whether they wait or are over. Their recordings stay.
+
+        Parameters
+        ----------
+        item
+            id of an item; or:; at least 0; default 0
+        plan
+            id of a plan, for all its items; at least 0; default 0
+
+        Raises
+        ------
+        InvalidParams, NotFound, Busy, NotController, IoError, DiskFull
+        """
+        return self._call("queue.remove", {"item": item, "plan": plan})
+
+    def start(self) -> QueueListQueue:
+        """Runs what waits, one after the other. Plans that say so go on after a restart of the daemon from now on.
+
+        Raises
+        ------
+        InvalidParams, BadState, NotController, IoError, DiskFull
+        """
+        return self._call("queue.start", {})
+
+    def stop(self) -> QueueListQueue:
+        """No further run begins; the one under way goes on, which run.abort stops, and the queue with it.
+
+        Raises
+        ------
+        InvalidParams, NotController, IoError, DiskFull
+        """
+        return self._call("queue.stop", {})
+
+    def summary(self, plan: int, *, figures: Sequence[str] | None = None,
+            of: Literal["mean", "first", "last", "min", "max"] | None = None,
+            format: str | None = None) -> QueueSummary:
+        """A plan's recordings at a glance: figures of their reports against what was swept, run by run and as means
+        over the repeats.
+
+        Parameters
+        ----------
+        plan
+            its id; at least 1
+        figures
+            of a report, TABLE.COLUMN, for example stroke.stroke_um; none: those of strokes and hysteresis
+        of
+            what is taken of a table with several rows; default mean
+        format
+            json; text, md, csv and html, which has a picture, give {content}; default json
+
+        Raises
+        ------
+        InvalidParams, NotFound, Busy, IoError, DiskFull
+        """
+        return self._call("queue.summary", {"plan": plan, "figures": figures, "of": of, "format": format})
+
+
 class RecordingArea(Area):
     """recording.*"""
 
@@ -1456,7 +1653,7 @@ class RunArea(Area):
 
     def abort(self, *, run: str | None = None, reason: str | None = None) -> RunStatus:
         """The emergency stop: the output ramps to zero at stop_slew; asked for a second time, at slew. Without a
-        run's id a self-test is stopped too. For everybody, whoever holds the lease.
+        run's id a self-test is stopped too. The queue stops with it. For everybody, whoever holds the lease.
 
         Parameters
         ----------
@@ -1579,7 +1776,7 @@ class SystemArea(Area):
 class TableArea(Area):
     """table.*"""
 
-    def compare(self, table: str, recordings: Sequence[str]) -> TableCompare:
+    def compare(self, table: str, recordings: Sequence[str]) -> QueueSummaryMeans:
         """The cells of a published table as recordings of this bench have them.
 
         Parameters
@@ -1642,6 +1839,7 @@ class Methods(Area):
         self.limits = LimitsArea(call)
         self.model = ModelArea(call)
         self.protocol = ProtocolArea(call)
+        self.queue = QueueArea(call)
         self.recording = RecordingArea(call)
         self.replay = ReplayArea(call)
         self.rpc = RpcArea(call)

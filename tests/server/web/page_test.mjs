@@ -13,6 +13,7 @@ import { patience, shots } from "./browser.mjs";
 import { Daemon } from "./daemon.mjs";
 import * as experiment from "./experiment_steps.mjs";
 import * as models from "./model_steps.mjs";
+import * as queue from "./queue_steps.mjs";
 import * as recordings from "./recording_steps.mjs";
 
 const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
@@ -20,7 +21,7 @@ const steps = [
   experiment.writesAnExperiment, experiment.saysWhatIsWrong, experiment.runsToTheEnd, experiment.refusesAProgram,
   recordings.opensTheRecording, recordings.importsAndOverlays, recordings.replays, recordings.drawsASweep,
   models.simulatesAModel, models.fitsAModel, models.findsWhatIsMissing, models.findsTheNextExperiment,
-  recordings.followsAddresses, recordings.givesReports,
+  recordings.followsAddresses, recordings.givesReports, queue.queuesRuns,
   experiment.abortsARun, bench.watchesWithAnother, bench.seesSilence, bench.survivesADeadDaemon,
 ];
 
