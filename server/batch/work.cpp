@@ -94,7 +94,8 @@ Outcome discover(const Item& item, int threads, Products& products) {
            {"probability_nothing", found.probability_nothing},
            {"share", found.share},
            {"simulations", found.health.simulations}};
-  if (!found.explanations.empty()) {
+  const bool named = found.verdict == model::Verdict::named || found.verdict == model::Verdict::ambiguous;
+  if (named && !found.explanations.empty()) {
     row["effects"] = effects_in_words(found.explanations.front().effects);
     row["probability"] = found.explanations.front().probability;
   }

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "model/model.h"
 #include "server/batch/merge.h"
 #include "server/batch/slurm.h"
 
@@ -55,7 +56,7 @@ TEST_F(BatchTest, AnItemHasAllThatItNeeds) {
                              {{{"id", "x"}, {"recordings", {"a.h5", "b.csv"}}, {"held_out", {"a.h5"}}},
                               {{"id", "y"}, {"recordings", {"a.h5"}}, {"options", {{"seed", 4}}}}}}});
   ASSERT_EQ(items.size(), 2u);
-  EXPECT_EQ(items[0].model.at("name"), "soft-pzt");
+  EXPECT_EQ(items[0].model, model::to_json(model::library_model("soft-pzt")));
   EXPECT_EQ(items[0].inputs[0].path, (folder_ / "a.h5").string());
   EXPECT_THAT(items[0].held_out, ElementsAre("a"));
   EXPECT_EQ(items[0].options.at("seed"), 3);
