@@ -65,6 +65,11 @@ std::optional<double> number_in(const Cell& cell) {
   return std::nullopt;
 }
 
+// What the work was like, and not the specimen: no item stands out by it.
+bool is_of_the_work(const std::string& key) {
+  return key.starts_with("probability") || key.starts_with("share") || key == "simulations";
+}
+
 // A column of numbers over the fleet; what only says how sure another one is, is none.
 struct Numbers {
   std::size_t column = 0;
@@ -264,7 +269,7 @@ Table outlier_table(const Table& merged) {
                           {"median", "median of all", ""},
                           {"spreads", "spreads away", ""}});
   for (const auto& n : numbers_of(merged)) {
-    if (n.values.size() < fewest || !(n.spread > 0)) continue;
+    if (n.values.size() < fewest || !(n.spread > 0) || is_of_the_work(merged.columns[n.column].key)) continue;
     for (const auto& [value, row] : n.values)
       if (const double away = (value - n.median) / n.spread; std::abs(away) > outlier_spreads)
         out.rows.push_back({whose(merged, row), merged.columns[n.column].title, value,

@@ -150,7 +150,11 @@ ItemResult discovered(const std::string& id, const std::string& verdict,
           {{"id", id},
            {"state", "done"},
            {"asked", {{"commit", "c"}, {"software", "1"}}},
-           {"rows", {{{"verdict", verdict}, {"material.barrier", barrier}, {"material.barrier.std", 1.0}}}},
+           {"rows",
+            {{{"verdict", verdict},
+              {"material.barrier", barrier},
+              {"material.barrier.std", 1.0},
+              {"probability", 1 - 1e-6 * barrier}}}},
            {"units", {{"material.barrier", "J/m^3"}}},
            {"products", json::array()},
            {"result", {{"verdict", verdict}, {"explanations", explanations}}}}};
@@ -175,11 +179,11 @@ TEST(Merged, TellsWhatStandsOutInTheFleet) {
 
   // Median of 100 101 102, three times each, and 140: 101; distances 0 (3), 1 (6), 39: 1.
   const auto fleet = fleet_table(table);
-  ASSERT_EQ(fleet.rows.size(), 1u);
-  EXPECT_EQ(std::get<std::string>(fleet.rows[0][0]), "material.barrier");
-  EXPECT_EQ(std::get<std::int64_t>(fleet.rows[0][2]), 10);
-  EXPECT_DOUBLE_EQ(std::get<double>(fleet.rows[0][3]), 101);
-  EXPECT_DOUBLE_EQ(std::get<double>(fleet.rows[0][4]), 1.4826);
+  ASSERT_EQ(fleet.rows.size(), 2u);  // the probability is the first
+  EXPECT_EQ(std::get<std::string>(fleet.rows[1][0]), "material.barrier");
+  EXPECT_EQ(std::get<std::int64_t>(fleet.rows[1][2]), 10);
+  EXPECT_DOUBLE_EQ(std::get<double>(fleet.rows[1][3]), 101);
+  EXPECT_DOUBLE_EQ(std::get<double>(fleet.rows[1][4]), 1.4826);
   const auto outliers = outlier_table(table);
   ASSERT_EQ(outliers.rows.size(), 1u);
   EXPECT_EQ(std::get<std::string>(outliers.rows[0][0]), "far");
