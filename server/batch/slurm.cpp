@@ -9,7 +9,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
-#include <map>
+#include <set>
 #include <sstream>
 #include <thread>
 
@@ -196,11 +196,9 @@ void wait_for(const std::string& job, const Batch& batch, SlurmEnd& end) {
 }  // namespace
 
 std::string array_of(const std::vector<Place>& places) {
-  std::vector<std::int64_t> tasks;
-  for (const auto& place : places) tasks.push_back(place.task);
-  std::ranges::sort(tasks);
-  const auto doubles = std::ranges::unique(tasks);
-  tasks.erase(doubles.begin(), doubles.end());
+  std::set<std::int64_t> numbers;
+  for (const auto& place : places) numbers.insert(place.task);
+  const std::vector<std::int64_t> tasks(numbers.begin(), numbers.end());
   std::string out;
   for (std::size_t i = 0; i < tasks.size();) {
     auto last = i;

@@ -132,8 +132,7 @@ std::vector<std::string> commands_of(const CLI::App& app) {
   const auto shown = [](const CLI::App* each) {
     return !each->get_name().empty() && !each->get_group().empty();  // others are hidden
   };
-  for (const auto* sub : app.get_subcommands(shown))
-    names.push_back(sub->get_name());
+  for (const auto* sub : app.get_subcommands(shown)) names.push_back(sub->get_name());
   return names;
 }
 
