@@ -151,6 +151,7 @@ class ManifestReader {
   std::vector<std::string> held_out(const ManifestItem& given, const std::vector<Input>& inputs,
                                     const std::string& path) {
     std::vector<std::string> out, names;
+    names.reserve(inputs.size());
     for (const auto& i : inputs) names.push_back(i.name);
     if (!given.held_out.empty() && kind_ != Kind::discover)
       complain(path, "is only for discover");

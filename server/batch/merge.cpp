@@ -92,6 +92,7 @@ std::vector<Numbers> numbers_of(const Table& table) {
       }
     if (values.empty()) continue;
     numbers.median = recordings::median(values);
+    distances.reserve(values.size());
     for (const double value : values) distances.push_back(std::abs(value - numbers.median));
     numbers.spread = normal_spread * recordings::median(distances);
     out.push_back(std::move(numbers));
