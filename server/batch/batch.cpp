@@ -43,7 +43,7 @@ Batch::Batch(Kind kind, std::vector<Item> items, const std::filesystem::path& fo
       items_(std::move(items)),
       folder_(folder),
       options_(std::move(options)),
-      plan_(folder_.make_plan(kind, items_, chunk_of(options_.chunk, items_.size()))),
+      plan_(BatchFolder::make_plan(kind, items_, chunk_of(options_.chunk, items_.size()))),
       lock_(lock_folder(folder_)) {
   const auto before = folder_.plan();
   if (before && before->kind != kind)

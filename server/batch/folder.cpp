@@ -111,7 +111,7 @@ std::optional<Plan> BatchFolder::plan() const {
                      "\"" + (folder_ / "batch.json").string() + "\"");
 }
 
-Plan BatchFolder::make_plan(Kind kind, const std::vector<Item>& items, std::int64_t chunk) const {
+Plan BatchFolder::make_plan(Kind kind, const std::vector<Item>& items, std::int64_t chunk) {
   return {.kind = kind,
           .version = std::string(recordings::software_version()),
           .commit = std::string(recordings::software_commit()),

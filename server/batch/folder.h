@@ -55,7 +55,7 @@ class BatchFolder {
   std::filesystem::path logs() const { return folder_ / "log"; }
 
   std::optional<Plan> plan() const;  // that was put there last; Error(bad_state) if it cannot be read
-  Plan make_plan(Kind kind, const std::vector<Item>& items, std::int64_t chunk) const;
+  static Plan make_plan(Kind kind, const std::vector<Item>& items, std::int64_t chunk);
   void put_plan(const Plan& plan, const std::vector<Item>& items) const;
   std::vector<Item> task(std::int64_t number) const;
 

@@ -116,7 +116,7 @@ TEST_F(BatchTest, TasksAreStretchesOfTheManifest) {
   std::vector<Item> items;
   for (int i = 0; i < 7; ++i) items.push_back({.id = "i" + std::to_string(i)});
   const BatchFolder folder(folder_ / "out");
-  const auto plan = folder.make_plan(Kind::report, items, 3);
+  const auto plan = BatchFolder::make_plan(Kind::report, items, 3);
   folder.put_plan(plan, items);
   EXPECT_EQ(folder.plan()->tasks(), 3);
   EXPECT_EQ(folder.task(1).front().id, "i3");
