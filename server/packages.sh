@@ -7,7 +7,8 @@ test_packages="libgtest-dev libgmock-dev librapidcheck-dev libsundials-dev libbe
   python3 python3-h5py python3-pandas python3-pip python3-setuptools python3-wheel python3-jsonschema python3-jsonrpclib-pelix
   chromium
   libusb-1.0-0-dev libumockdev-dev umockdev
-  debootstrap groff-base"
+  debootstrap groff-base
+  slurmctld slurmd slurm-client munge"
 check_packages="clang-format clang-tidy"
 
 # Installs those of the packages that are missing; root or sudo is needed only then.

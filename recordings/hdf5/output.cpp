@@ -51,7 +51,11 @@ void Output::need(bool done, const std::string& place) const {
 }
 
 void Output::group(const std::string& place, const std::string& nx_class) {
-  need(static_cast<bool>(hdf5::group(H5Gcreate2(id(), place.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT))),
+  // Or HDF5 writes down when it was made, and the same content is never the same bytes.
+  auto creation = hdf5::properties(H5Pcreate(H5P_GROUP_CREATE));
+  H5Pset_obj_track_times(creation.get(), false);
+  need(static_cast<bool>(
+           hdf5::group(H5Gcreate2(id(), place.c_str(), H5P_DEFAULT, creation.get(), H5P_DEFAULT))),
        place);
   attribute(place, "NX_class", nx_class);
 }

@@ -47,6 +47,7 @@ void add_call(CLI::App& app, Common& common);
 void add_export(CLI::App& app, Common& common);
 void add_import(CLI::App& app, Common& common);
 void add_limits(CLI::App& app, Common& common);
+void add_batch(CLI::App& app, Common& common);
 void add_selftest(CLI::App& app, Common& common);
 
 // Every option and subcommand: what --help, the manual page and the shell's completion are made from.

@@ -45,6 +45,7 @@ void build_program(CLI::App& app, Common& common) {
   add_simulate(app, common);
   add_fit(app, common);
   add_discover(app, common);
+  add_batch(app, common);
   add_protocol(app, common);
   add_model(app, common);
   add_effects(app, common);

@@ -131,8 +131,10 @@ std::string guess(const std::string& given, const std::vector<std::string>& name
 
 std::vector<std::string> commands_of(const CLI::App& app) {
   std::vector<std::string> names;
-  for (const auto* sub : app.get_subcommands([](const CLI::App* each) { return !each->get_name().empty(); }))
-    names.push_back(sub->get_name());
+  const auto shown = [](const CLI::App* each) {
+    return !each->get_name().empty() && !each->get_group().empty();  // others are hidden
+  };
+  for (const auto* sub : app.get_subcommands(shown)) names.push_back(sub->get_name());
   return names;
 }
 

@@ -53,6 +53,7 @@ void collect(const CLI::App& command, const std::string& path, std::vector<std::
   }
   if (path.empty()) inherited = words;
   for (const auto* sub : command.get_subcommands({})) {
+    if (sub->get_group().empty()) continue;  // hidden
     const auto name = sub->get_name();
     auto below = path;
     below.append(" ").append(name);

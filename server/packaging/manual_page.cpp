@@ -48,6 +48,7 @@ void options(std::ostream& page, const CLI::App& command) {
 
 void commands(std::ostream& page, const CLI::App& parent, const std::string& before) {
   for (const auto* command : parent.get_subcommands({})) {
+    if (command->get_group().empty()) continue;  // hidden
     const auto name = before + " " + command->get_name();
     std::string line = name;
     for (const auto* option : command->get_options())

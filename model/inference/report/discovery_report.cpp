@@ -281,7 +281,9 @@ recordings::Table health_table(const Discovery& d) {
   const auto row = [&out](const std::string& what, const std::string& value) {
     out.rows.push_back({what, value});
   };
-  row("simulations", fmt::format("{} in {:.0f} s", d.health.simulations, d.health.seconds));
+  const bool timed = d.health.seconds > 0;
+  row("simulations",
+      fmt::format("{}{}", d.health.simulations, timed ? fmt::format(" in {:.0f} s", d.health.seconds) : ""));
   row("their own numerical error", fmt::format("{:.2f} of the noise", d.health.numerical_error_over_noise));
   row("starts of the recalibration", fmt::format("{}", d.health.starts));
   if (d.health.allowed_left > 0)
@@ -311,7 +313,7 @@ recordings::Table asked_table(const Discovery& d) {
   row("candidates", a.candidates.empty() ? "the whole catalogue" : list(a.candidates));
   row("floor", fmt::format("{:g} % of a channel's range", 100 * a.floor));
   row("seed", fmt::format("{}", a.seed));
-  row("date", a.time);
+  if (!a.time.empty()) row("date", a.time);
   row("ferrobench",
       fmt::format("{}, commit {}", recordings::software_version(), recordings::software_commit()));
   return out;

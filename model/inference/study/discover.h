@@ -48,7 +48,7 @@ struct Asked {
   std::vector<std::string> held_out, candidates;  // as the user wanted them; empty: chosen, all
   double floor = 0;
   std::uint64_t seed = 0;
-  std::string time;  // ISO 8601
+  std::string time;  // ISO 8601; "": not told
 };
 
 // By channel; a channel that was not measured is absent. 1 is noise alone.
@@ -100,7 +100,7 @@ struct ChannelNoise {
 };
 
 struct Health {
-  double seconds = 0;
+  double seconds = 0;  // 0: not told
   int simulations = 0;
   double numerical_error_over_noise = 0;
   int starts = 0;           // of the base model's fit
