@@ -3,10 +3,12 @@
 // and decides by the plan's rules whether the next one may begin.
 //
 // When it stops, it says why, and only queue.start goes on:
-//   a person      queue.stop lets the run under way end; run.abort stops it and the queue with it
-//   a rule        so many failures, a limit that tripped; an open interlock, an output that may not be at
-//   zero a restart     unless the plan says "resume": "automatic" and queue.start was called since it was
-//   added nothing left  the queue is empty
+//
+//   a person       queue.stop lets the run under way end; run.abort stops it and the queue with it
+//   a rule         so many failures, a limit that tripped; an open interlock, an output not at zero
+//   a restart      unless the plan says "resume": "automatic" and queue.start came after it was added
+//   nothing left   the queue is empty
+//
 // A confirmation, or a bench that others use, is waited for.
 //
 // Locks: mutex_ is held for no disk and no bench, so that a stop waits for neither.

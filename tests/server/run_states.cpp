@@ -369,7 +369,7 @@ class Observer {
         failures.push_back(run.run + " " + what + "; its file: " + r.status + ", " + r.reason +
                            "; its status: " + write_json(run).dump());
       };
-      if (command.back() != 0 && r.status != "recovered")
+      if (!command.empty() && command.back() != 0 && r.status != "recovered")
         fail("was recorded until " + json(command.back()).dump());
       if (static_cast<std::int64_t>(r.size()) != run.rows)
         fail("has " + std::to_string(r.size()) + " rows in its file");
