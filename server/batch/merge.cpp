@@ -144,6 +144,7 @@ void check_commits(const std::vector<ItemResult>& results) {
           .push_back(id);
   if (by_commit.size() < 2) return;
   std::vector<Problem> problems;
+  problems.reserve(by_commit.size());
   for (const auto& [commit, ids] : by_commit)
     problems.push_back(
         {.message = std::to_string(ids.size()) + " by commit " + commit, .given = some_of(ids)});
