@@ -14,8 +14,8 @@ using recordings::Channel;
 
 namespace {
 
-constexpr double chunk_time = 0.1;  // s; how long a stop may wait
-constexpr double chunk_rows = 8192;
+constexpr double chunk_time = 0.1;   // s; how long a stop may wait
+constexpr double chunk_rows = 2048;  // 20 ms at 100 kHz: 30 pictures a second are drawn of them
 constexpr std::chrono::seconds patience{1};
 constexpr auto never = std::numeric_limits<std::uint64_t>::max();
 

@@ -23,11 +23,12 @@ Descriptor begun(const std::string& path, const Begin& begin, Existing existing)
   return writer.file();
 }
 
-// Whoever had this run before made its file, and died before the journal was gone.
-bool is_made(const std::string& path, const Begin& begin) try {
+// Whoever had this run before made its file, with all of its rows, and died before the journal was gone.
+bool is_made(const std::string& path, const Begin& begin, std::uint64_t rows) try {
   const auto& identifier = begin.header.entry_identifier;
-  return !identifier.empty() && read_summary(path).header.entry_identifier == identifier &&
-         present_file(path) == path;
+  if (identifier.empty() || present_file(path) != path) return false;
+  const auto made = read_summary(path);
+  return made.header.entry_identifier == identifier && made.rows == rows;
 } catch (const Error&) {
   return false;
 }
@@ -60,7 +61,7 @@ void BegunRecording::finish(const Ending& ending, std::uint64_t rows) {
       pack(written, ending, events, path_, existing_);
       break;
     } catch (const Error& error) {
-      if (is_made(path_, begin_)) break;
+      if (is_made(path_, begin_, rows)) break;
       // A failure that came once may not come again.
       if (attempt == 1 && error.code() != ErrorCode::disk_full) continue;
       auto problems = error.problems();

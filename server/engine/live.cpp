@@ -11,7 +11,7 @@ using nlohmann::json;
 namespace {
 
 constexpr std::size_t bins_per_block = 20;
-constexpr std::chrono::milliseconds interval{50};
+constexpr std::chrono::milliseconds interval{33};
 
 // JSON has no NaN: a stretch without a value is null.
 json value(double v) {

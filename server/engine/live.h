@@ -22,7 +22,7 @@ Topic samples_topic();
 nlohmann::json decimate(const recordings::Rows& rows, std::size_t bins);
 void merge_samples(nlohmann::json& held, const nlohmann::json& next);
 
-// One run's stream into the hub, at most 20 messages a second however fast the rows come.
+// One run's stream into the hub, at most 30 messages a second however fast the rows come.
 class LiveStream {
  public:
   LiveStream(Hub& hub, std::string run) : hub_(hub), run_(std::move(run)) {}

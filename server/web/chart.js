@@ -59,6 +59,26 @@ function indexAt(column, x) {
   return Math.max(0, from - 1);
 }
 
+// Of a curve with many points: its lowest and highest value in each column of pixels, which is all that can be seen.
+function perPixel(c, px) {
+  const out = { x: [], low: [], high: [] };
+  let before = NaN;
+  for (let i = 0; i < c.x.length; ++i) {
+    const column = Math.round(px(c.x[i]));
+    const last = out.x.length - 1;
+    if (column !== before || Number.isNaN(c.low[i] + out.low[last])) {
+      out.x.push(c.x[i]);
+      out.low.push(c.low[i]);
+      out.high.push(c.high[i]);
+    } else {
+      out.low[last] = Math.min(out.low[last], c.low[i]);
+      out.high[last] = Math.max(out.high[last], c.high[i]);
+    }
+    before = column;
+  }
+  return 2 * out.x.length < c.x.length ? out : c;
+}
+
 // Scales are set by redraw() alone.
 const asTold = (_, low, high) => [low ?? 1, high ?? 2];
 
@@ -183,10 +203,9 @@ export class Chart {
     const y = this.#zoom.y ?? padded(ys);
     this.#describe(ys);
     if (!this.u) return;
-    this.u.batch(() => {
-      this.u.setScale("x", { min: x[0], max: x[1] });
-      this.u.setScale("y", { min: y[0], max: y[1] });
-    });
+    // Each only asks for a drawing: there is one, once all is set.
+    this.u.setScale("x", { min: x[0], max: x[1] });
+    this.u.setScale("y", { min: y[0], max: y[1] });
     this.u.redraw(false);
   }
 
@@ -234,7 +253,7 @@ export class Chart {
     ctx.rect(left, top, width, height);
     ctx.clip();
     this.#drawStretches(ctx, px, top, height);
-    ctx.lineJoin = "round";
+    ctx.lineJoin = "bevel"; // round ones, of thousands of points, took most of the time, and cannot be seen
     for (const c of this.curves) {
       ctx.strokeStyle = c.colour();
       ctx.fillStyle = c.colour();
@@ -247,7 +266,8 @@ export class Chart {
     ctx.restore();
   }
 
-  #drawCurve(ctx, c, px, py) {
+  #drawCurve(ctx, curve, px, py) {
+    const c = this.options.group ? perPixel(curve, px) : curve;
     const n = c.x.length;
     const band = c.high !== c.low;
     for (let i = 0; i < n; ) {
@@ -271,20 +291,18 @@ export class Chart {
   // What was thinned in time is drawn as what it is, samples: a line only between those that lie close together.
   #drawDots(ctx, c, px, py, ratio) {
     const near = 14 * ratio;
-    let before = null;
+    const size = 2 * ratio;
+    let x = NaN;
+    let y = NaN;
     ctx.beginPath();
     for (let i = 0; i < c.x.length; ++i) {
-      const p = [px(c.x[i]), py(c.low[i])];
-      if (Number.isNaN(p[0] + p[1])) {
-        before = null;
-        continue;
-      }
-      if (before && Math.hypot(p[0] - before[0], p[1] - before[1]) < near) {
-        ctx.moveTo(...before);
-        ctx.lineTo(...p);
-      }
-      ctx.rect(p[0] - ratio / 2, p[1] - ratio / 2, ratio, ratio);
-      before = p;
+      const [a, b] = [px(c.x[i]), py(c.low[i])];
+      const step = Math.hypot(a - x, b - y);
+      if (step < 0.5 * ratio) continue; // there is a dot already
+      if (step < near) ctx.lineTo(a, b);
+      else ctx.moveTo(a, b);
+      [x, y] = [a, b];
+      ctx.fillRect(a - size / 2, b - size / 2, size, size);
     }
     ctx.stroke();
   }

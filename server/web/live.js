@@ -2,7 +2,7 @@
 import { Chart, TimeGroup, colour } from "./chart.js";
 import { byId, element, number, shownChannels, timeAxis } from "./dom.js";
 
-const most = 4000;
+const most = 2000; // points: a picture is some 600 pixels wide
 const channels = ["command", "field", "charge", "displacement", "force"];
 const parts = ["first", "min", "max"];
 
@@ -177,7 +177,7 @@ export class Live {
     this.#before = null;
     this.#columns = columns;
     if (!this.frozen) this.charts.draw(columns);
-    byId("live").dataset.points = columns.time.length;
+    this.#say();
   }
 
   add({ run, columns }) {
@@ -205,7 +205,14 @@ export class Live {
     this.#columns = thinned;
   }
 
-  // Takes a quarter of the page's time at most, painting included: whatever else the page is asked for, a stop above all,
+  // How many points are drawn, and the time of the last one.
+  #say() {
+    const { dataset } = byId("live");
+    dataset.points = this.#columns.time.length;
+    dataset.newest = this.#columns.time.at(-1) ?? "";
+  }
+
+  // Takes half of the page's time at most, painting included: whatever else the page is asked for, a stop above all,
   // gets its turn on a slow machine, too.
   #draw() {
     if (!this.#drawn || this.frozen) return;
@@ -214,8 +221,8 @@ export class Live {
       const begin = performance.now();
       this.#drawn = true;
       this.charts.draw(this.#columns);
-      byId("live").dataset.points = this.#columns.time.length;
-      setTimeout(() => (this.#next = performance.now() + 3 * (performance.now() - begin)));
+      this.#say();
+      setTimeout(() => (this.#next = 2 * performance.now() - begin));
     };
     setTimeout(() => requestAnimationFrame(draw), Math.max(0, this.#next - performance.now()));
   }

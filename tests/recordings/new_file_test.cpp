@@ -320,5 +320,18 @@ TEST(Writer, ARunThatWasOverLaterKeepsItsJournal) {
   EXPECT_EQ(journal_state(path), JournalState::left);
 }
 
+// As a program leaves it that dies between the file and the end of its journal.
+TEST(Writer, AFileThatItsRunHasAlreadyIsNoFailure) {
+  const TemporaryFolder folder;
+  const auto path = folder.file("a.h5");
+  Writer writer(path, small().header, all_channels);
+  writer.append(small().rows());
+  write_recording(path, small(), Existing::keep);
+  const auto bytes = text_of(path);
+  writer.finish("complete", "", {}, {});
+  EXPECT_EQ(text_of(path), bytes);
+  EXPECT_EQ(journal_state(path), JournalState::none);
+}
+
 }  // namespace
 }  // namespace ferrobench::recordings

@@ -48,6 +48,46 @@ export async function watchesWithAnother({ page, browser, daemon }) {
   await page.waitForSelector("#lease-take:visible");
 }
 
+// What is drawn of 500 kS/s (five channels at 100 kHz): how often, how old the newest sample is by then, and what that
+// costs the daemon. Figures to read: a machine with other tests beside it draws what it can.
+export async function drawsAtTheFullRate({ page, daemon }) {
+  const program = { format: "ferrobench-protocol", version: 1, name: "full-rate", title: "Full rate", unit: "kV/mm", sample_rate_Hz: 1e5, start: 0,
+    segments: [{ kind: "sine", amplitude: 0.5, frequency: 2, cycles: 12 }] };
+  await open(page, "bench");
+  const seen = page.evaluate(() => new Promise((resolve) => {
+    const frames = [];
+    let begun = null; // when the page heard that the output moves, which is a little after it does
+    const state = document.querySelector("#state"), live = document.querySelector("#live");
+    const watch = new MutationObserver(() => {
+      if (begun === null && state.dataset.state === "running") begun = performance.now();
+      if (begun !== null && ["complete", "aborted"].includes(state.dataset.state)) {
+        watch.disconnect();
+        resolve(frames);
+      }
+    });
+    watch.observe(state, { attributes: true });
+    let newest = "";
+    new MutationObserver(() => {
+      if (begun === null || state.dataset.state !== "running" || live.dataset.newest === newest) return;
+      newest = live.dataset.newest;
+      frames.push({ at: performance.now(), age: performance.now() - begun - 1000 * Number(newest) });
+    }).observe(live, { attributes: true, attributeFilter: ["data-newest"] });
+  }));
+  const { run } = await call(page, "run.start", { protocol: program, set: { "device.domains": 16 } });
+  await state(page, "running");
+  const before = daemon.processorTime(), since = Date.now();
+  await page.waitForTimeout(4000);
+  const share = (daemon.processorTime() - before) / ((Date.now() - since) / 1000);
+  const frames = await seen;
+  const { state: end, reason } = await call(page, "run.status", { run });
+  assert.equal(end, "complete", reason);
+  assert.ok(frames.length > 1, `${frames.length} pictures of 6 s`);
+  const ages = frames.map((f) => f.age).sort((a, b) => a - b);
+  const rate = (1000 * (frames.length - 1)) / (frames.at(-1).at - frames[0].at);
+  console.log(`at 500 kS/s ${rate.toFixed(1)} pictures/s, the newest sample ${ages[ages.length >> 1].toFixed(0)} ms old in the median and ` +
+    `${ages[Math.floor(0.95 * ages.length)].toFixed(0)} ms at the 95th percentile, the daemon at ${(100 * share).toFixed(1)} % of a core`);
+}
+
 // A daemon that does not answer is seen within 2 s, and nothing is claimed that the page cannot know.
 export async function seesSilence({ page, daemon }) {
   // How long the page itself had no time to look is the machine's business.

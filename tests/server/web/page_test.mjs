@@ -22,7 +22,7 @@ const steps = [
   recordings.opensTheRecording, recordings.importsAndOverlays, recordings.replays, recordings.drawsASweep,
   models.simulatesAModel, models.fitsAModel, models.findsWhatIsMissing, models.findsTheNextExperiment,
   recordings.followsAddresses, recordings.givesReports, queue.queuesRuns,
-  experiment.abortsARun, bench.watchesWithAnother, bench.seesSilence, bench.survivesADeadDaemon,
+  experiment.abortsARun, bench.drawsAtTheFullRate, bench.watchesWithAnother, bench.seesSilence, bench.survivesADeadDaemon,
 ];
 
 async function test(daemon) {
