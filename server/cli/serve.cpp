@@ -199,7 +199,7 @@ void add_serve(CLI::App& app, Common& common) {
   sub->add_option(
          "--on", o->hooks,
          "a program that is told, as PROGRAM EVENT JSON, of run_ended, limit_tripped, queue_empty or "
-         "queue_stopped; again for more")
+         "queue_stopped, or an address (https://...) that gets it by POST; again for more")
       ->type_name("EVENT=PROGRAM")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);

@@ -1,11 +1,13 @@
 #include "server/queue/hooks.h"
 
+#include <curl/curl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <chrono>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <system_error>
 
@@ -20,10 +22,43 @@ constexpr std::size_t most_waiting = 64;
 constexpr std::chrono::seconds hook_time{30};  // a mail, or a message through a web server that is slow
 constexpr std::string_view hook_name = "ferrobench: tells";
 
+// How the child ends that tells a web address.
+constexpr int not_reached = 1, not_taken = 2;
+
+bool is_address(std::string_view text) {
+  return text.starts_with("http://") || text.starts_with("https://");
+}
+
+// As the child. What is answered is of no interest, but that it was taken.
+int post(const char* address, const std::string& event, const std::string& facts) {
+  const std::unique_ptr<CURL, void (*)(CURL*)> curl(curl_easy_init(), curl_easy_cleanup);
+  if (!curl) return not_reached;
+  const std::unique_ptr<curl_slist, void (*)(curl_slist*)> fields(
+      curl_slist_append(nullptr, "Content-Type: application/json"), curl_slist_free_all);
+  const auto body = R"({"event": ")" + event + R"(", "facts": )" + facts + "}";
+  const auto pass_over = +[](char*, std::size_t size, std::size_t count, void*) { return size * count; };
+  curl_easy_setopt(curl.get(), CURLOPT_URL, address);
+  curl_easy_setopt(curl.get(), CURLOPT_PROTOCOLS_STR, "http,https");
+  curl_easy_setopt(curl.get(), CURLOPT_HTTPHEADER, fields.get());
+  curl_easy_setopt(curl.get(), CURLOPT_POSTFIELDS, body.c_str());
+  curl_easy_setopt(curl.get(), CURLOPT_POSTFIELDSIZE, static_cast<long>(body.size()));
+  curl_easy_setopt(curl.get(), CURLOPT_WRITEFUNCTION, pass_over);
+  curl_easy_setopt(curl.get(), CURLOPT_FAILONERROR, 1L);
+  switch (curl_easy_perform(curl.get())) {
+    case CURLE_OK:
+      return EXIT_SUCCESS;
+    case CURLE_HTTP_RETURNED_ERROR:
+      return not_taken;
+    default:
+      return not_reached;
+  }
+}
+
 // As the child.
 [[gnu::constructor]] void tell_if_asked(int argc, char** argv) {
   if (argc != 4 || argv[0] != hook_name) return;
   recordings::be_a_child();
+  if (is_address(argv[1])) _exit(post(argv[1], argv[2], argv[3]));
   execl(argv[1], argv[1], argv[2], argv[3], nullptr);
   _exit(127);
 }
@@ -49,17 +84,21 @@ Hooks::Hooks(const std::vector<std::string>& given, std::function<void(const std
     const auto equals = std::min(hook.find('='), hook.size());
     const auto event = event_name(parse<HookEvent>(hook.substr(0, equals), ErrorCode::invalid_params,
                                                    "the event of \"" + excerpt(hook) + "\""));
+    const auto named = hook.substr(std::min(equals + 1, hook.size()));
+    if (is_address(named)) {
+      told_[event] = named;
+      continue;
+    }
     std::error_code failure;
-    const std::filesystem::path named(hook.substr(std::min(equals + 1, hook.size())));
     const auto program = std::filesystem::absolute(named, failure).string();
     if (!std::filesystem::is_regular_file(program, failure) || access(program.c_str(), X_OK) != 0)
       throw Error(ErrorCode::invalid_params, "this program cannot be run",
                   Problem{.message = "is no program",
-                          .given = named.string(),
-                          .hint = "give EVENT=PROGRAM, a file that may be executed"});
-    programs_[event] = program;
+                          .given = named,
+                          .hint = "give EVENT=PROGRAM, a file that may be executed, or EVENT=https://..."});
+    told_[event] = program;
   }
-  if (!programs_.empty()) thread_ = std::thread([this] { work(); });
+  if (!told_.empty()) thread_ = std::thread([this] { work(); });
 }
 
 Hooks::~Hooks() {
@@ -72,8 +111,8 @@ Hooks::~Hooks() {
 }
 
 void Hooks::tell(HookEvent event, const nlohmann::json& facts) {
-  const auto found = programs_.find(event_name(event));
-  if (found == programs_.end()) return;
+  const auto found = told_.find(event_name(event));
+  if (found == told_.end()) return;
   const std::scoped_lock lock(mutex_);
   waiting_.push_back(
       {found->second, found->first, facts.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)});
@@ -92,14 +131,14 @@ void Hooks::work() {
       waiting_.pop_front();
     }
     if (const auto failure = carry_out(call); !failure.empty())
-      complain_(call.program + ", told of " + call.event + ", " + failure);
+      complain_(call.to + ", told of " + call.event + ", " + failure);
   }
 }
 
 // What went wrong, or "".
 std::string Hooks::carry_out(const Call& call) {
   try {
-    recordings::Child child(std::array{std::string(hook_name), call.program, call.event, call.facts});
+    recordings::Child child(std::array{std::string(hook_name), call.to, call.event, call.facts});
     const auto end = std::chrono::steady_clock::now() + hook_time;
     while (!child.over()) {
       std::unique_lock lock(mutex_);
@@ -109,6 +148,8 @@ std::string Hooks::carry_out(const Call& call) {
     }
     const int status = child.end();
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
+    if (is_address(call.to))
+      return WIFEXITED(status) && WEXITSTATUS(status) == not_taken ? "did not take it" : "was not reached";
     return WIFEXITED(status) ? "ended with " + std::to_string(WEXITSTATUS(status)) : "died";
   } catch (const std::system_error& failure) {
     return "could not be started: " + failure.code().message();

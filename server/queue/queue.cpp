@@ -85,6 +85,7 @@ std::string Queue::open() {
              (outcome.reason.empty() ? "" : ": " + outcome.reason);
   }
   thread_ = std::thread([this] { work(); });
+  saver_ = std::thread([this] { keep_saved(); });
   return found;
 }
 
@@ -97,6 +98,12 @@ void Queue::close() {
 void Queue::end() {
   close();
   if (thread_.joinable()) thread_.join();
+  {
+    const std::scoped_lock lock(mutex_);
+    ended_ = true;
+    changed_.notify_all();
+  }
+  if (saver_.joinable()) saver_.join();
 }
 
 void Queue::touch() {
@@ -259,31 +266,44 @@ void Queue::work() {
   for (;;) {
     std::uint64_t seen = 0;
     std::optional<std::pair<Ledger::Entry, std::string>> taken_over;
-    bool unsaved = false;
     {
       Lock lock(mutex_);
-      changed_.wait(lock, [this] { return ending_ || unsaved_ || taken_over_ || started_; });
-      unsaved = unsaved_;
-      if (ending_ && !unsaved && !taken_over_) return;
+      changed_.wait(lock, [this] { return ending_ || taken_over_ || started_; });
+      if (ending_ && !taken_over_) return;
       taken_over = std::exchange(taken_over_, std::nullopt);
       seen = version_;
     }
     try {
-      if (unsaved) {
-        save();
-        show();
-      }
       if (taken_over)
         follow(taken_over->first, taken_over->second);
-      else if (!unsaved)
+      else
         step(seen);
     } catch (const std::exception& failure) {  // of the disk: what is known stays in memory
       come_to_rest(in_one_line(failure.what()));
-      try {
-        save();
-      } catch (const Error&) {
-      }
     }
+  }
+}
+
+// That somebody has stopped the queue is on the disk before the run under way has come to its end: a daemon
+// that died meanwhile must not go on by itself.
+void Queue::keep_saved() {
+  constexpr std::chrono::seconds again{1};  // after a disk has refused it
+  Lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return unsaved_ || ended_; });
+    if (!unsaved_) return;
+    lock.unlock();
+    bool saved = true;
+    try {
+      save();
+      show();
+    } catch (const std::exception&) {
+      saved = false;
+    }
+    lock.lock();
+    if (saved) continue;
+    unsaved_ = true;
+    if (changed_.wait_for(lock, again, [this] { return ended_; })) return;
   }
 }
 

@@ -95,6 +95,7 @@ class Queue {
   static Outcome outcome_of(const RunStatus& run);
   Outcome outcome_of_recording(const std::string& run, const std::string& recording) const;
   void work();
+  void keep_saved();
   void step(std::uint64_t seen);
   void run_item(const Ledger::Entry& next, std::uint64_t seen);
   void follow(const Ledger::Entry& entry, const std::string& run);
@@ -117,12 +118,12 @@ class Queue {
   mutable std::mutex mutex_;  // over what follows
   std::condition_variable changed_;
   std::uint64_t version_ = 0;  // of all that the thread goes by
-  bool started_ = false, unsaved_ = false, ending_ = false;
+  bool started_ = false, unsaved_ = false, ending_ = false, ended_ = false;
   bool resumed_ = false;  // since a restart; nobody has said queue.start
   std::string reason_;
   QueueStatus doing_;                                                // while it is started
   std::optional<std::pair<Ledger::Entry, std::string>> taken_over_;  // with the id of its run
-  std::thread thread_;
+  std::thread thread_, saver_;
 };
 
 }  // namespace ferrobench::server

@@ -2,9 +2,15 @@
 // queue_deaths.py's.
 #include "server/queue/queue.h"
 
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <fstream>
+#include <future>
 #include <mutex>
 #include <set>
 
@@ -267,7 +273,7 @@ TEST_F(QueueTest, AStopOfItsRunStopsTheQueue) {
   EXPECT_EQ(queue->status().reason, "stopped by test");
   EXPECT_EQ(item(first).state, ItemState::aborted);
   EXPECT_EQ(item(first + 1).state, ItemState::waiting);
-  EXPECT_FALSE(queue->ledger().state().started);
+  until([&] { return !queue->ledger().state().started; });
   EXPECT_TRUE(engine.status().output_at_zero);
 }
 
@@ -452,6 +458,40 @@ TEST(QueueHooks, AProgramIsToldAndOnlyThat) {
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   // Standard input, output and error, and the folder that ls lists.
   EXPECT_EQ(text, "run_ended {\"item\":7} 4\n");
+}
+
+// Takes one request and answers it. What it was is said once it is over.
+std::string take_request(int listening, const std::string& answer) {
+  const recordings::Descriptor caller(accept(listening, nullptr, nullptr));
+  std::string text;
+  for (std::array<char, 4096> bytes{}; !text.ends_with("}}");) {
+    const auto got = read(caller.get(), bytes.data(), bytes.size());
+    if (got <= 0) break;
+    text.append(bytes.data(), static_cast<std::size_t>(got));
+  }
+  EXPECT_EQ(write(caller.get(), answer.data(), answer.size()), static_cast<ssize_t>(answer.size()));
+  return text;
+}
+
+TEST(QueueHooks, AnAddressIsToldByPost) {
+  const recordings::Descriptor listening(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  sockaddr_in place{
+      .sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
+  socklen_t size = sizeof place;
+  ASSERT_EQ(bind(listening.get(), reinterpret_cast<sockaddr*>(&place), size), 0);
+  ASSERT_EQ(listen(listening.get(), 4), 0);
+  ASSERT_EQ(getsockname(listening.get(), reinterpret_cast<sockaddr*>(&place), &size), 0);
+  const auto address = "http://127.0.0.1:" + std::to_string(ntohs(place.sin_port)) + "/night";
+  std::promise<std::string> complaint;
+  Hooks hooks({"run_ended=" + address, "queue_empty=" + address},
+              [&](const std::string& text) { complaint.set_value(text); });
+  hooks.tell(HookEvent::run_ended, {{"item", 7}});
+  const auto told = take_request(listening.get(), "HTTP/1.1 204 No Content\r\n\r\n");
+  EXPECT_TRUE(told.starts_with("POST /night HTTP/1.1\r\n")) << told;
+  EXPECT_TRUE(told.ends_with("{\"event\": \"run_ended\", \"facts\": {\"item\":7}}")) << told;
+  hooks.tell(HookEvent::queue_empty, {{"item", 7}});
+  take_request(listening.get(), "HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\n\r\n");
+  EXPECT_EQ(complaint.get_future().get(), address + ", told of queue_empty, did not take it");
 }
 
 TEST_F(QueueTest, TenThousandItemsAreNoBurden) {
