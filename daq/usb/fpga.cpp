@@ -1,29 +1,13 @@
 #include "daq/usb/fpga.h"
 
-#include <openssl/evp.h>
-
-#include <array>
 #include <span>
 
+#include "base/sha256.h"
 #include "base/text_file.h"
 
 namespace ferrobench::daq::usb {
 
 namespace {
-
-std::string sha256(std::span<const std::byte> data) {
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-  unsigned size = 0;
-  if (EVP_Digest(data.data(), data.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1)
-    throw Error(ErrorCode::internal, "SHA-256 cannot be computed");
-  std::string out;
-  constexpr std::string_view digits = "0123456789abcdef";
-  for (unsigned i = 0; i < size; ++i) {
-    out += digits[digest.at(i) >> 4];
-    out += digits[digest.at(i) & 15];
-  }
-  return out;
-}
 
 std::string source_of(const ProductModel& model) {
   return "the image for this " + std::string(model.name) + " has " + std::to_string(model.fpga_bytes) +
@@ -55,7 +39,7 @@ std::vector<std::byte> read_fpga_image(const std::string& path, const ProductMod
   if (path.empty())
     throw Error(ErrorCode::invalid_params, "the unit needs its FPGA image and the configuration names none",
                 Problem{.path = "/fpga_image", .message = "is missing", .hint = source_of(model)});
-  const auto image = bytes_of(path, model);
+  auto image = bytes_of(path, model);
   if (image.size() != model.fpga_bytes)
     throw Error(ErrorCode::invalid_params, "the file is not the FPGA image of this unit",
                 Problem{.path = "/fpga_image",
@@ -64,7 +48,7 @@ std::vector<std::byte> read_fpga_image(const std::string& path, const ProductMod
                         .allowed = model.fpga_bytes,
                         .unit = "bytes",
                         .hint = source_of(model)});
-  if (const auto found = sha256(image); found != model.fpga_sha256)
+  if (const auto found = sha256_of(image); found != model.fpga_sha256)
     throw Error(ErrorCode::invalid_params, "the file is not the FPGA image of this unit",
                 Problem{.path = "/fpga_image",
                         .message = "has another SHA-256",

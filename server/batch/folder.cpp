@@ -1,13 +1,13 @@
 #include "server/batch/folder.h"
 
 #include <fcntl.h>
-#include <openssl/evp.h>
 
 #include <array>
 #include <cerrno>
-#include <memory>
+#include <span>
 #include <system_error>
 
+#include "base/sha256.h"
 #include "base/text_file.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/format/version.h"
@@ -18,34 +18,6 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 namespace {
-
-class Sha256 {
- public:
-  Sha256() : context_(EVP_MD_CTX_new(), EVP_MD_CTX_free) {
-    need(context_ && EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) == 1);
-  }
-  void add(const char* bytes, std::size_t count) {
-    need(EVP_DigestUpdate(context_.get(), bytes, count) == 1);
-  }
-  std::string text() {
-    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-    unsigned size = 0;
-    need(EVP_DigestFinal_ex(context_.get(), digest.data(), &size) == 1);
-    constexpr std::string_view digits = "0123456789abcdef";
-    std::string out;
-    for (unsigned i = 0; i < size; ++i) {
-      out += digits[digest.at(i) >> 4];
-      out += digits[digest.at(i) & 15];
-    }
-    return out;
-  }
-
- private:
-  static void need(bool done) {
-    if (!done) throw Error(ErrorCode::internal, "SHA-256 cannot be had of OpenSSL");
-  }
-  std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context_;
-};
 
 json read_json_file(const fs::path& file) {
   return parse_json_text(read_text_file(file.string(), most_manifest_bytes, ErrorCode::bad_state),
@@ -65,12 +37,6 @@ void make_folder(const fs::path& folder) {
 
 }  // namespace
 
-std::string sha256_of(const std::string& text) {
-  Sha256 sum;
-  sum.add(text.data(), text.size());
-  return sum.text();
-}
-
 std::string sha256_of_file(const std::string& path) {
   const auto file = recordings::open_file(path, O_RDONLY | O_NONBLOCK | O_NOCTTY);
   std::error_code failure;
@@ -85,7 +51,7 @@ std::string sha256_of_file(const std::string& path) {
       throw Error(ErrorCode::io_error, "\"" + path + "\" cannot be read",
                   Problem{.message = std::generic_category().message(got.failure)});
     if (got.count == 0) return sum.text();
-    sum.add(portion.data(), got.count);
+    sum.add(std::as_bytes(std::span(portion).first(got.count)));
     place += got.count;
   }
 }

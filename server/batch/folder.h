@@ -71,7 +71,6 @@ class BatchFolder {
 void put_json(const std::filesystem::path& file, const nlohmann::json& value);
 void put_text(const std::filesystem::path& file, const std::string& text);
 
-std::string sha256_of(const std::string& text);  // lower-case hex
-std::string sha256_of_file(const std::string& path);
+std::string sha256_of_file(const std::string& path);  // as base/sha256.h
 
 }  // namespace ferrobench::batch

@@ -138,10 +138,6 @@ TEST_F(BatchTest, AResultThatIsNotWholeIsMissing) {
   }
 }
 
-TEST(Sha256, IsThatOfTheStandard) {  // FIPS 180-2, B.1
-  EXPECT_EQ(sha256_of("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-}
-
 ItemResult discovered(const std::string& id, const std::string& verdict,
                       const std::vector<std::string>& effects, double barrier) {
   json explanations = json::array();
