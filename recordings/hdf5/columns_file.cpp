@@ -5,23 +5,11 @@
 #include "recordings/hdf5/target.h"
 
 namespace ferrobench::recordings {
-namespace {
-
-hdf5::Handle create_columns(hdf5::Target& target, const std::string& path) {
-  hdf5::prepare_thread();
-  auto access = target.access();
-  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110);
-  auto creation = hdf5::properties(H5Pcreate(H5P_FILE_CREATE));
-  H5Pset_obj_track_times(creation.get(), false);
-  return hdf5::file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.get(), access.get()));
-}
-
-}  // namespace
 
 void write_columns(const std::string& path, const std::string& title, std::span<const FileColumn> columns) {
   NewFile file(path, Existing::replace);
   hdf5::Target target(file);
-  hdf5::Output out(create_columns(target, path), path);
+  hdf5::Output out(target.create(), path);
   out.fixed_attribute("/", "NX_class", "NXroot");
   out.fixed_attribute("/", "creator", "ferrobench");
   out.fixed_attribute("/", "creator_version", std::string(software_version()));

@@ -5,16 +5,6 @@
 namespace ferrobench::recordings {
 namespace {
 
-hdf5::Handle create(hdf5::Target& target, const std::string& path) {
-  hdf5::prepare_thread();
-  auto access = target.access();
-  // Version 1.10 puts checksums on everything.
-  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110);
-  auto creation = hdf5::properties(H5Pcreate(H5P_FILE_CREATE));
-  H5Pset_obj_track_times(creation.get(), false);
-  return hdf5::file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.get(), access.get()));
-}
-
 // The channel that a viewer shows first.
 std::string_view default_signal(std::span<const Channel> channels) {
   for (const auto wanted : {Channel::displacement, Channel::charge, Channel::force, Channel::field})
@@ -41,10 +31,7 @@ const char* long_name(Channel channel) {
 }  // namespace
 
 OutputFile::OutputFile(const NewFile& file, const Begin& begin, std::uint64_t rows)
-    : rows_(rows),
-      raw_width_(begin.raw.size()),
-      target_(file),
-      out_(create(target_, file.path()), file.path()) {
+    : rows_(rows), raw_width_(begin.raw.size()), target_(file), out_(target_.create(), file.path()) {
   write_header(begin.header);
   make_columns(begin.header, begin.channels);
   out_.group("/entry/events", "NXcollection");

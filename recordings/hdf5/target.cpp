@@ -97,11 +97,15 @@ hid_t driver() {
 
 }  // namespace
 
-Handle Target::access() {
-  auto out = unlocked_access();
+Handle Target::create() {
+  prepare_thread();
+  auto access = unlocked_access();
   Target* self = this;
-  H5Pset_driver(out.get(), driver(), static_cast<const void*>(&self));
-  return out;
+  H5Pset_driver(access.get(), driver(), static_cast<const void*>(&self));
+  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110);
+  auto creation = properties(H5Pcreate(H5P_FILE_CREATE));
+  H5Pset_obj_track_times(creation.get(), false);
+  return hdf5::file(H5Fcreate(file_.path().c_str(), H5F_ACC_TRUNC, creation.get(), access.get()));
 }
 
 void Target::check() const {

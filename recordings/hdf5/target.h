@@ -15,8 +15,9 @@ class Target {
  public:
   explicit Target(const NewFile& file) : file_(file) {}
 
-  // Access properties for H5Fcreate, which then writes here. This must outlive the HDF5 file.
-  Handle access();
+  // An empty HDF5 file that writes here, of a version that puts checksums on everything, and without times
+  // of its own. This must outlive it.
+  Handle create();
   void check() const;  // Error(disk_full | io_error) if anything has failed so far
 
   // For the driver.
