@@ -45,6 +45,12 @@ std::span<const std::pair<SourceKind, std::string_view>> enum_names(SourceKind) 
   return names;
 }
 
+std::optional<SourceKind> source_kind(std::string_view name) {
+  for (const auto& [kind, known] : enum_names(SourceKind{}))
+    if (known == name) return kind;
+  return std::nullopt;
+}
+
 std::string_view what_it_is(SourceKind kind) {
   switch (kind) {
     case SourceKind::aixacct:

@@ -4,7 +4,6 @@
 #include <array>
 #include <filesystem>
 #include <map>
-#include <optional>
 #include <set>
 
 #include "base/text_file.h"
@@ -25,12 +24,6 @@ std::span<const std::pair<Kind, std::string_view>> enum_names(Kind) {
 
 std::string kind_name(Kind kind) {
   return write_json(kind).get<std::string>();
-}
-
-std::optional<recordings::SourceKind> source_kind(const std::string& name) {
-  for (const auto& [kind, known] : recordings::enum_names(recordings::SourceKind{}))
-    if (known == name) return kind;
-  return std::nullopt;
 }
 
 namespace {
@@ -227,7 +220,7 @@ class ManifestReader {
         return write_json(settings_of<ReportSettings>(options, path, problems));
       case Kind::import: {
         const auto s = settings_of<ImportSettings>(options, path, problems);
-        if (!s.as.empty() && !source_kind(s.as)) {
+        if (!s.as.empty() && !recordings::source_kind(s.as)) {
           json names = json::array();
           for (const auto& [kind, name] : recordings::enum_names(recordings::SourceKind{}))
             names.push_back(name);

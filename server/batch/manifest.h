@@ -9,7 +9,6 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -64,9 +63,6 @@ void describe(Visitor& visit, ImportSettings& s) {
   visit("as", s.as, {.doc = "kind of the files; absent: found from their first lines"});
   visit("map", s.map, {.doc = "what stands in which column, and what is known of the specimen, in SI"});
 }
-
-// Of ImportSettings::as; none if there is no such kind.
-std::optional<recordings::SourceKind> source_kind(const std::string& name);
 
 // A recording or, for an import, a file of another program.
 struct Input {

@@ -188,7 +188,7 @@ Outcome import(const Item& item, const json& asked, Products& products) {
     auto wanted =
         parse<recordings::CsvImport>(map, ErrorCode::invalid_params, "what is known of the columns");
     wanted.csv = read_text_file(input.path, most_file_bytes, ErrorCode::bad_recording);
-    auto imported = recordings::import_tables(wanted, source_kind(settings.as));
+    auto imported = recordings::import_tables(wanted, recordings::source_kind(settings.as));
     for (std::size_t table = 1; table <= imported.size(); ++table) {
       auto& [recording, findings] = imported[table - 1];
       const auto name = imported.size() == 1 ? input.name : input.name + recordings::table_suffix(table);

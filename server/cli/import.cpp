@@ -104,9 +104,7 @@ std::vector<recordings::Imported> import_file(const ImportOptions& o, json map, 
   map["csv"] = "";
   if (!map.contains("title")) map["title"] = fs::path(file).stem().string();
   if (!map.contains("source")) map["source"] = fs::path(file).filename().string();
-  std::optional<recordings::SourceKind> kind;
-  for (const auto& [each, name] : recordings::enum_names(recordings::SourceKind{}))
-    if (name == o.kind) kind = each;
+  const auto kind = recordings::source_kind(o.kind);
   try {
     auto import =
         parse<recordings::CsvImport>(map, ErrorCode::invalid_params, "what is known of the columns");
@@ -190,6 +188,7 @@ int import(const ImportOptions& o, const Common& common) {
       } else {
         targets = targets_of(o, file, imported.size());
         std::vector<recordings::Existing> existing;
+        existing.reserve(targets.size());
         for (const auto& target : targets) existing.push_back(demand_free(target, o.force, {file, o.map}));
         for (std::size_t i = 0; i < imported.size(); ++i)
           recordings::write_recording(targets[i], imported[i].recording, existing[i]);
