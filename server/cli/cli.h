@@ -68,6 +68,15 @@ std::optional<protocols::Past> past_argument(const std::string& given);
 CLI::Option* add_past(CLI::App* sub, std::string& past);
 // "key=value" texts as an object; values are JSON where they parse as such. Error(invalid_params).
 nlohmann::json set_argument(const std::vector<std::string>& settings);
+// What is to be run, and on what: of 'run' and of 'queue add'.
+struct RunChoice {
+  std::string protocol{}, model{}, notes{};
+  std::string device = "virtual", config{};
+  bool fast = false;
+  std::int64_t seed = 1;
+  std::vector<std::string> set{};
+};
+nlohmann::json run_argument(const RunChoice& choice);  // the parameters of run.start
 // The file of a recording: a path, or a name in the store. Error(not_found).
 std::string recording_argument(const std::string& given, const Common& common);
 // The names of recordings that all lie in the data folder, whichever way they were given; nothing if one does

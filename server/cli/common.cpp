@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "daq/usb/config.h"
 #include "model/model.h"
 #include "protocols/protocol.h"
 #include "recordings/disk/new_file.h"
@@ -102,6 +103,18 @@ json set_argument(const std::vector<std::string>& settings) {
     auto value = json::parse(text, nullptr, false);
     out[setting.substr(0, split)] = value.is_discarded() ? json(text) : std::move(value);
   }
+  return out;
+}
+
+json run_argument(const RunChoice& choice) {
+  json out{{"device", choice.device},
+           {"fast", choice.fast},
+           {"seed", choice.seed},
+           {"set", set_argument(choice.set)},
+           {"notes", choice.notes}};
+  if (!choice.protocol.empty()) out["protocol"] = protocol_argument(choice.protocol);
+  if (!choice.config.empty()) out["config"] = daq::usb::load_json(choice.config);
+  if (const auto model = model_argument(choice.model); !model.is_null()) out["model"] = model;
   return out;
 }
 

@@ -3,7 +3,6 @@
 
 #include "base/text_file.h"
 #include "base/visible.h"
-#include "daq/usb/config.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 
@@ -13,11 +12,11 @@ using nlohmann::json;
 
 namespace {
 
-struct QueueOptions {
-  std::string protocol{}, plan_file{}, name{}, model{}, notes{}, device = "virtual", config{};
-  bool fast = false, shuffle = false, automatic = false;
-  std::int64_t seed = 1, repeats = 1, repeat_broken = 0, stop_after_failures = 1;
-  std::vector<std::string> set{}, sweeps{};
+struct QueueOptions : RunChoice {
+  std::string plan_file{}, name{};
+  bool shuffle = false, automatic = false;
+  std::int64_t repeats = 1, repeat_broken = 0, stop_after_failures = 1;
+  std::vector<std::string> sweeps{};
   std::int64_t item = 0, plan = 0, before = 0, first = 0, count = 100;
   bool to_front = false;
   std::string state{}, format = "text", of = "mean", out{};
@@ -66,16 +65,8 @@ json plan_argument(const QueueOptions& o) {
   if (!o.plan_file.empty())
     return parse_json_text(read_text_file(o.plan_file, most_plan_bytes, ErrorCode::invalid_params),
                            ErrorCode::invalid_params, o.plan_file);
-  json run{{"device", o.device},
-           {"fast", o.fast},
-           {"seed", o.seed},
-           {"set", set_argument(o.set)},
-           {"notes", o.notes}};
-  if (!o.protocol.empty()) run["protocol"] = protocol_argument(o.protocol);
-  if (!o.config.empty()) run["config"] = daq::usb::load_json(o.config);
-  if (const auto model = model_argument(o.model); !model.is_null()) run["model"] = model;
   json plan{{"name", o.name},
-            {"run", run},
+            {"run", run_argument(o)},
             {"sweeps", json::array()},
             {"repeats", o.repeats},
             {"shuffle", o.shuffle},

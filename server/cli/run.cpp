@@ -1,21 +1,15 @@
 #include <iostream>
 
-#include "daq/usb/config.h"
 #include "server/cli/link.h"
 #include "server/cli/words.h"
 
 namespace ferrobench::cli {
 
-using nlohmann::json;
-
 namespace {
 
-struct RunOptions {
-  std::string protocol{}, model{}, out{}, notes{};
-  std::string device = "virtual", config{};
-  bool fast = false, force = false, quiet = false;
-  std::int64_t seed = 1;
-  std::vector<std::string> set{};
+struct RunOptions : RunChoice {
+  std::string out{};
+  bool force = false, quiet = false;
 };
 
 int run(const RunOptions& o, const Common& common) {
@@ -24,15 +18,7 @@ int run(const RunOptions& o, const Common& common) {
   const auto existing = demand_free(o.out, o.force, sources);
   const Interrupt interrupt;
   Link link(common);
-  json params{{"device", o.device},
-              {"fast", o.fast},
-              {"seed", o.seed},
-              {"set", set_argument(o.set)},
-              {"notes", o.notes}};
-  if (!o.protocol.empty()) params["protocol"] = protocol_argument(o.protocol);
-  if (!o.config.empty()) params["config"] = daq::usb::load_json(o.config);
-  if (const auto model = model_argument(o.model); !model.is_null()) params["model"] = model;
-  const auto status = carry_out(link, params, o.out, existing, o.quiet, common);
+  const auto status = carry_out(link, run_argument(o), o.out, existing, o.quiet, common);
   const auto path = status.at("path").get<std::string>();
   const int code = tell_end(status);
   if (!path.empty()) std::cout << path << '\n';
