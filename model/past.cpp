@@ -17,12 +17,22 @@ constexpr Fractions poled_minus{0, 1}, unpoled{1.0 / 3, 1.0 / 3};
 // same past.
 constexpr double repeats = 1e-3;
 
-Fractions fractions_of(FirstState state) {
-  switch (state) {
+// In between the three wells are filled in a straight line from a third each.
+Fractions partly(double poling) {
+  const double third = 1.0 / 3, away = std::abs(poling), rest = third * (1 - away);
+  const double more = third + (1 - third) * away;
+  return poling < 0 ? Fractions{rest, more} : Fractions{more, rest};
+}
+
+// Of the state that levels or cycles begin at.
+Fractions first_fractions(const Past& past) {
+  switch (past.from.value_or(FirstState::poled_plus)) {
     case FirstState::poled_minus:
       return poled_minus;
     case FirstState::unpoled:
       return unpoled;
+    case FirstState::partly_poled:
+      return partly(past.poling.value_or(0));
     case FirstState::poled_plus:
       break;
   }
@@ -48,14 +58,14 @@ void visit(Simulator::State& state, const Past& past, double field) {
   const double back = time_back(past.levels, field);
   double time = back;
   for (const auto& level : past.levels) time += level.seconds;
-  state.start(0, fractions_of(past.from.value_or(FirstState::poled_plus)), -time);
+  state.start(0, first_fractions(past), -time);
   for (const auto& level : past.levels) state.play(level.seconds, level.field, {}, {});
   state.play(back, field, {}, {});
   state.begin_recording();
 }
 
 void cycle(Simulator::State& state, std::span<const double> time, std::span<const double> field) {
-  const auto from = fractions_of(state.options.past->from.value_or(FirstState::poled_plus));
+  const auto from = first_fractions(*state.options.past);
   if (time.size() < 2) return state.start(field[0], from);
   double slew = 0;
   for (std::size_t k = 1; k < time.size(); ++k)
@@ -101,6 +111,8 @@ void start_after(Simulator::State& state, double field) {
       return state.start(field, poled_minus);
     case PastKind::unpoled:
       return state.start(field, unpoled);
+    case PastKind::partly_poled:
+      return state.start(field, partly(past->poling.value_or(0)));
     case PastKind::visited:
       return visit(state, *past, field);
     case PastKind::cycled:
@@ -108,7 +120,7 @@ void start_after(Simulator::State& state, double field) {
                   "a specimen cannot have been cycled through a program that is not known",
                   Problem{.path = "/past/kind",
                           .given = "cycled",
-                          .allowed = {"poled_plus", "poled_minus", "unpoled", "visited"},
+                          .allowed = {"poled_plus", "poled_minus", "unpoled", "partly_poled", "visited"},
                           .hint = "name the levels that were visited"});
   }
 }

@@ -8,21 +8,23 @@ namespace ferrobench::protocols {
 using nlohmann::json;
 
 std::span<const std::pair<PastKind, std::string_view>> enum_names(PastKind) {
-  static constexpr std::array<std::pair<PastKind, std::string_view>, 6> names{
+  static constexpr std::array<std::pair<PastKind, std::string_view>, 7> names{
       {{PastKind::unknown, "unknown"},
        {PastKind::poled_plus, "poled_plus"},
        {PastKind::poled_minus, "poled_minus"},
        {PastKind::unpoled, "unpoled"},
        {PastKind::visited, "visited"},
-       {PastKind::cycled, "cycled"}}};
+       {PastKind::cycled, "cycled"},
+       {PastKind::partly_poled, "partly_poled"}}};
   return names;
 }
 
 std::span<const std::pair<FirstState, std::string_view>> enum_names(FirstState) {
-  static constexpr std::array<std::pair<FirstState, std::string_view>, 3> names{
+  static constexpr std::array<std::pair<FirstState, std::string_view>, 4> names{
       {{FirstState::poled_plus, "poled_plus"},
        {FirstState::poled_minus, "poled_minus"},
-       {FirstState::unpoled, "unpoled"}}};
+       {FirstState::unpoled, "unpoled"},
+       {FirstState::partly_poled, "partly_poled"}}};
   return names;
 }
 
@@ -51,7 +53,20 @@ void check_past(const Past& past, const std::string& path, std::vector<Problem>&
                         .allowed = std::move(allowed)});
   };
   if (!visited && !past.levels.empty()) refuse("levels", {"visited"});
-  if (!visited && past.kind != PastKind::cycled && past.from) refuse("from", {"visited", "cycled"});
+  const bool after_a_state = visited || past.kind == PastKind::cycled;
+  if (!after_a_state && past.from) refuse("from", {"visited", "cycled"});
+  const bool partly =
+      past.kind == PastKind::partly_poled || (after_a_state && past.from == FirstState::partly_poled);
+  if (partly && !past.poling)
+    problems.push_back({.path = path + "/poling",
+                        .message = "is missing: what is partly poled needs its degree",
+                        .allowed = {{"from", -1}, {"to", 1}},
+                        .hint = "1 is poled towards +, 0 unpoled, -1 poled towards -"});
+  if (!partly && past.poling)
+    problems.push_back({.path = path + "/poling",
+                        .message = "belongs to what is partly poled alone",
+                        .given = *past.poling,
+                        .hint = R"(say it by the kind, or by "from": "partly_poled")"});
 }
 
 void demand_sound(const Past& past) {
@@ -66,8 +81,13 @@ json past_schema() {
   out["if"] = {{"properties", {{"kind", {{"const", "visited"}}}}}, {"required", {"kind"}}};
   out["then"] = {{"required", {"levels"}}, {"properties", {{"levels", {{"minItems", 1}}}}}};
   out["else"] = {{"properties", {{"levels", {{"maxItems", 0}}}}}};
-  // In no other kind than visited and cycled.
-  out["dependentSchemas"] = {{"from", {{"properties", {{"kind", {{"enum", {"visited", "cycled"}}}}}}}}};
+  // "from" in no other kind than visited and cycled; "poling" with what is partly poled, and only there.
+  const json partly = {{"anyOf",
+                        {{{"properties", {{"kind", {{"const", "partly_poled"}}}}}, {"required", {"kind"}}},
+                         {{"properties", {{"from", {{"const", "partly_poled"}}}}}, {"required", {"from"}}}}}};
+  out["dependentSchemas"] = {{"from", {{"properties", {{"kind", {{"enum", {"visited", "cycled"}}}}}}}},
+                             {"poling", partly}};
+  out["allOf"] = {{{"if", partly}, {"then", {{"required", {"poling"}}}}}};
   return out;
 }
 
@@ -92,6 +112,7 @@ Past and_then(Past past, std::span<const VisitedLevel> levels) {
   if (past.kind == PastKind::cycled) return {};
   if (past.kind == PastKind::poled_minus) past.from = FirstState::poled_minus;
   if (past.kind == PastKind::unpoled) past.from = FirstState::unpoled;
+  if (past.kind == PastKind::partly_poled) past.from = FirstState::partly_poled;
   past.kind = PastKind::visited;
   past.levels.insert(past.levels.end(), levels.begin(), levels.end());
   return past.levels.size() > most_visited_levels ? Past{} : past;
@@ -105,6 +126,8 @@ Past without_last_level(Past past) {
       return {PastKind::poled_minus};
     case FirstState::unpoled:
       return {PastKind::unpoled};
+    case FirstState::partly_poled:
+      return {.kind = PastKind::partly_poled, .poling = past.poling};
     case FirstState::poled_plus:
       break;
   }
@@ -113,12 +136,19 @@ Past without_last_level(Past past) {
 
 namespace {
 
-std::string in_words(FirstState state) {
+std::string in_words(FirstState state, std::optional<double> poling) {
   switch (state) {
     case FirstState::poled_minus:
       return "poled towards -";
     case FirstState::unpoled:
       return "unpoled";
+    case FirstState::partly_poled: {
+      std::array<char, 64> text{};
+      const double degree = poling.value_or(0);
+      (void)std::snprintf(text.data(), text.size(), "poled to %.0f %% towards %c", 100 * std::abs(degree),
+                          degree < 0 ? '-' : '+');
+      return text.data();
+    }
     case FirstState::poled_plus:
       break;
   }
@@ -128,14 +158,17 @@ std::string in_words(FirstState state) {
 }  // namespace
 
 std::string in_words(const Past& past) {
-  const auto first = in_words(past.from.value_or(FirstState::poled_plus));
+  const auto state = [&](FirstState s) { return in_words(s, past.poling); };
+  const auto first = state(past.from.value_or(FirstState::poled_plus));
   switch (past.kind) {
     case PastKind::poled_plus:
-      return in_words(FirstState::poled_plus);
+      return state(FirstState::poled_plus);
     case PastKind::poled_minus:
-      return in_words(FirstState::poled_minus);
+      return state(FirstState::poled_minus);
     case PastKind::unpoled:
-      return in_words(FirstState::unpoled);
+      return state(FirstState::unpoled);
+    case PastKind::partly_poled:
+      return state(FirstState::partly_poled);
     case PastKind::cycled:
       return first + ", then cycled through the program until it repeated itself";
     case PastKind::visited: {

@@ -22,7 +22,7 @@ VirtualConfig virtual_config_from_json(const nlohmann::json& json) {
     problems.push_back({.path = "/past/kind",
                         .message = "needs a program, and a device that is opened has none yet",
                         .given = "cycled",
-                        .allowed = {"poled_plus", "poled_minus", "unpoled", "visited"},
+                        .allowed = {"poled_plus", "poled_minus", "unpoled", "partly_poled", "visited"},
                         .hint = "name the levels that were visited"});
   if (!problems.empty())
     throw Error(ErrorCode::invalid_params, "the specimen's past is not valid", std::move(problems));

@@ -65,6 +65,11 @@ protocols::Past read_past(const Input& in) {
   const bool visited = out.kind == protocols::PastKind::visited;
   if ((visited || out.kind == protocols::PastKind::cycled) && in.has(group + "/from"))
     out.from = named<protocols::FirstState>(in, group + "/from");
+  if (out.kind == protocols::PastKind::partly_poled || out.from == protocols::FirstState::partly_poled) {
+    const auto place = group + "/poling";
+    out.poling = in.number(place);
+    if (!(std::abs(*out.poling) <= 1)) in.fail(place, "is no degree of poling", "from -1 to 1");
+  }
   if (!visited) return out;
   const auto column = [&](const char* name) {
     const auto place = group + "/" + name;

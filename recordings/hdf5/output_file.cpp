@@ -79,6 +79,7 @@ void OutputFile::write_past(const protocols::Past& past) {
   out_.group(group, "NXcollection");
   out_.text(group + "/kind", write_json(past.kind).get<std::string>());
   if (past.from) out_.text(group + "/from", write_json(*past.from).get<std::string>());
+  if (past.poling) out_.number(group + "/poling", *past.poling, "1");
   if (past.kind != protocols::PastKind::visited) return;
   std::vector<double> fields, seconds;
   for (const auto& level : past.levels) {

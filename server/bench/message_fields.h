@@ -8,9 +8,9 @@ namespace ferrobench::bench {
 template <>
 inline constexpr auto last_of<protocols::PieceKind> = protocols::PieceKind::samples;
 template <>
-inline constexpr auto last_of<protocols::PastKind> = protocols::PastKind::cycled;
+inline constexpr auto last_of<protocols::PastKind> = protocols::PastKind::partly_poled;
 template <>
-inline constexpr auto last_of<protocols::FirstState> = protocols::FirstState::unpoled;
+inline constexpr auto last_of<protocols::FirstState> = protocols::FirstState::partly_poled;
 template <>
 inline constexpr auto last_of<recordings::Channel> = recordings::Channel::force;
 template <>
@@ -30,7 +30,7 @@ FERROBENCH_FIELDS(protocols::Piece, m.kind, m.start, m.duration, m.from, m.to, m
 FERROBENCH_FIELDS(protocols::Segment, m.kind, m.label, m.start, m.end, m.level, m.rate, m.path)
 FERROBENCH_FIELDS(protocols::LevelUnit, m.name, m.unit, m.divisor)
 FERROBENCH_FIELDS(protocols::VisitedLevel, m.field, m.seconds)
-FERROBENCH_FIELDS(protocols::Past, m.kind, m.from, m.levels)
+FERROBENCH_FIELDS(protocols::Past, m.kind, m.from, m.levels, m.poling)
 FERROBENCH_FIELDS(recordings::RawColumn, m.channel, m.gain, m.offset)
 FERROBENCH_FIELDS(recordings::Event, m.time, m.kind, m.message)
 FERROBENCH_FIELDS(recordings::SegmentRow, m.start_sample, m.end_sample, m.kind, m.label, m.level, m.rate)

@@ -86,7 +86,9 @@ CLI::Option* add_past(CLI::App* sub, std::string& past) {
   return sub
       ->add_option("--past", past,
                    "what the specimen has been through before: poled_plus, poled_minus, unpoled, cycled (the "
-                   "program itself until it repeats), or visited levels as JSON, for example "
+                   "program itself until it repeats), or, as JSON, what is partly poled or levels that were "
+                   "visited, for example "
+                   R"('{"kind": "partly_poled", "poling": -0.4}' or )"
                    R"('{"kind": "visited", "levels": [{"field_V_per_m": -1.5e6, "seconds": 2}]}'; )"
                    "default: what the recording says, or poled_plus")
       ->type_name("PAST");

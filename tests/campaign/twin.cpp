@@ -86,7 +86,8 @@ class Player {
       case visited:
         return visit(past, command);
       case cycled:
-        throw Error(ErrorCode::invalid_params, "the twin plays no past of cycles");
+      case partly_poled:
+        throw Error(ErrorCode::invalid_params, "the twin plays neither cycles nor what is partly poled");
     }
   }
 

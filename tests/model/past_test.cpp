@@ -115,6 +115,23 @@ TEST(Past, UnpoledIsAThirdInEachWellAndItsRestIsTheZero) {
   EXPECT_NEAR(force[0], 4e6 * model.actuator.area, 1e-9);
 }
 
+TEST(Past, PartlyPoledIsBetweenTheStatesThatHaveNames) {
+  const auto partly = [](double poling) { return after({.kind = PastKind::partly_poled, .poling = poling}); };
+  EXPECT_EQ(partly(-1).charge, after({PastKind::poled_minus}).charge);
+  EXPECT_EQ(partly(0).charge, after({PastKind::unpoled}).charge);
+  EXPECT_EQ(partly(1).charge, after({PastKind::poled_plus}).charge);
+  EXPECT_DOUBLE_EQ(partly(-0.4).minus[0], 0.6);
+  EXPECT_DOUBLE_EQ(partly(-0.4).plus[0], 0.2);
+  // A program that switches nothing leaves it as it is.
+  const Past past{.kind = PastKind::cycled, .from = FirstState::partly_poled, .poling = 0.4};
+  const std::vector<double> weak{0, 1e5, -1e5, 0};
+  std::vector<double> plus(times().size());
+  ChannelSpans spans;
+  spans.fraction_plus = plus;
+  simulate_at(polycrystal(), knot_time, weak, times(), spans, {.domains = 200, .past = &past});
+  EXPECT_NEAR(plus.back(), 0.6, 0.02);
+}
+
 // What was visited is what a longer run shows after its first part.
 TEST(Past, VisitedLevelsAreTheFirstPartOfALongerRun) {
   const auto model = polycrystal();

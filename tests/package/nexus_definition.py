@@ -6,7 +6,7 @@ import h5py
 
 space = "{http://definition.nexusformat.org/nxdl/3.1}"
 # Whoever reads a file takes its units from there; ours are SI. NX_ANY: what NeXus has no name for (V/m, N/m, N).
-units = {"NX_LENGTH": "m", "NX_AREA": "m^2", "NX_TIME": "s", "NX_CHARGE": "C", "NX_PRESSURE": "Pa"}
+units = {"NX_LENGTH": "m", "NX_AREA": "m^2", "NX_TIME": "s", "NX_CHARGE": "C", "NX_PRESSURE": "Pa", "NX_DIMENSIONLESS": "1"}
 types = {"NX_FLOAT": "f", "NX_INT": "iu", "NX_CHAR": "SO", "NX_DATE_TIME": "SO"}
 wrong = []
 

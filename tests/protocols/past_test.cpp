@@ -22,11 +22,16 @@ TEST(PastJson, ComesBackAsItWas) {
   EXPECT_EQ(past, (Past{PastKind::visited, FirstState::unpoled, {{-1.5e6, 2}}}));
   EXPECT_EQ(to_json(past), visited());
   for (const auto& [kind, name] : enum_names(PastKind{})) {
-    if (kind == PastKind::visited) continue;
+    if (kind == PastKind::visited || kind == PastKind::partly_poled) continue;
     EXPECT_EQ(past_from_text(std::string(name)).kind, kind);
     EXPECT_EQ(to_json(Past{kind}), (json{{"kind", name}}));
   }
   EXPECT_EQ(past_from_text(visited().dump()), past);
+  for (const auto* text : {R"({"kind":"partly_poled","poling":-0.4})",
+                           R"({"from":"partly_poled","kind":"cycled","poling":1.0})"}) {
+    EXPECT_EQ(to_json(past_from_text(text)), json::parse(text));
+    EXPECT_THAT(in_words(past_from_text(text)), HasSubstr("poled to "));
+  }
 }
 
 // The place and the words of the first problem.
@@ -45,6 +50,10 @@ TEST(PastJson, IsRefusedWithItsPlace) {
   EXPECT_EQ(problem_of(json::object()).first, "/past/kind");
   EXPECT_EQ(problem_of({{"kind", "visited"}}).first, "/past/levels");
   EXPECT_EQ(problem_of({{"kind", "unpoled"}, {"from", "unpoled"}}).first, "/past/from");
+  EXPECT_EQ(problem_of({{"kind", "partly_poled"}}).first, "/past/poling");
+  EXPECT_EQ(problem_of({{"kind", "partly_poled"}, {"poling", 1.1}}).first, "/past/poling");
+  EXPECT_EQ(problem_of({{"kind", "cycled"}, {"from", "partly_poled"}}).first, "/past/poling");
+  EXPECT_EQ(problem_of({{"kind", "unpoled"}, {"poling", 0}}).first, "/past/poling");
   auto given = visited();
   given["kind"] = "cycled";
   EXPECT_EQ(problem_of(given).first, "/past/levels");

@@ -67,6 +67,12 @@ std::vector<json> documents() {
   for (const json& past : std::initializer_list<json>{
            {{"kind", "poled_minus"}},
            {{"kind", "cycled"}, {"from", "unpoled"}},
+           {{"kind", "partly_poled"}},
+           {{"kind", "partly_poled"}, {"poling", -0.4}},
+           {{"kind", "partly_poled"}, {"poling", -1.4}},
+           {{"kind", "unpoled"}, {"poling", 0.4}},
+           {{"kind", "cycled"}, {"from", "partly_poled"}},
+           {{"kind", "cycled"}, {"from", "partly_poled"}, {"poling", 0.4}},
            {{"kind", "visited"}},
            {{"kind", "visited"}, {"levels", json::array()}},
            {{"kind", "visited"}, {"levels", json::array({level})}},

@@ -30,7 +30,8 @@ Recording full_recording() {
   displacement[11] = std::nan("");
   r.raw = std::move(raw);
   r.events = {{0.5, "gap", "one sample lost"}, {1.25, "note", "änderung <b>"}};
-  r.header.past = {protocols::PastKind::visited, protocols::FirstState::unpoled, {{-1.5e6, 2}, {0, 1.5}}};
+  r.header.past = {
+      protocols::PastKind::visited, protocols::FirstState::partly_poled, {{-1.5e6, 2}, {0, 1.5}}, -0.4};
   r.noise.at(2) = 3e-9;
   r.end_time = "2026-01-01T00:00:06.500000Z";
   r.reason = "all of it";

@@ -34,8 +34,9 @@ inline daq::DeviceFacts facts() {
           .specimen = recordings::Specimen{.name = "stack", .length = 0.018, .layer_count = 180},
           .load = {1e6, 2e6},
           .past = {.kind = protocols::PastKind::visited,
-                   .from = protocols::FirstState::unpoled,
-                   .levels = {{1e6, 2}}},
+                   .from = protocols::FirstState::partly_poled,
+                   .levels = {{1e6, 2}},
+                   .poling = 0.25},
           .output = -0.5};
 }
 
