@@ -53,6 +53,19 @@ TEST(Pasts, AreFoundUnderTheRightModel) {
   EXPECT_NEAR(found.levels.at(0).field, -9.5e5, 5e4);
 }
 
+// By a tester that cycled it where little switches.
+TEST(Pasts, OfASpecimenThatWasPartlyPoledHaveItsDegree) {
+  const Program weak{{{0, 0}, {0.1, 7e5}, {0.3, -7e5}, {0.4, 0}}, 2e-3};
+  for (const double poling : {-0.55, 0.25}) {
+    const Past past{.kind = PastKind::cycled, .from = FirstState::partly_poled, .poling = poling};
+    auto options = simulation;
+    options.past = &past;
+    const auto found = likeliest(specimen(), measured_on(specimen(), weak, options), false);
+    EXPECT_EQ(found.from, FirstState::partly_poled) << protocols::in_words(found);
+    EXPECT_NEAR(found.poling.value_or(9), poling, 0.05);
+  }
+}
+
 TEST(Pasts, AreFoundUnderAModelOfTheWrongHeight) {
   auto start = specimen();
   start.material.remanent_polarization *= 1.4;

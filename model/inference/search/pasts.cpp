@@ -25,6 +25,10 @@ constexpr std::array levels{0.3, 0.45, 0.6, 0.75, 0.9, 1.0, 1.2, 1.5};
 // Steps of the golden section between the neighbours of the best: to 2 % of the distance.
 constexpr int refinements = 8;
 
+// Degrees of poling to try between those that have names, and steps around the best: to 0.02.
+constexpr std::array degrees{-1.0, -0.85, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7, 0.85, 1.0};
+constexpr int refinements_of_degree = 6;
+
 // What a coarse simulation is off by in each channel, percent of the range (study/fit.h): a past that is
 // nearer than that is no likelier.
 constexpr double not_seen = 0.5;
@@ -43,8 +47,30 @@ struct Misfit {
 struct Hypothesis {
   Past past;
   Misfit misfit{};
-  int numbers = 0;  // that were free
+  int numbers = 0;            // that were free
+  bool has_to_halve = false;  // the sum of squares
 };
+
+// The golden section between two places; `at` remembers what it is asked for.
+template <class At>
+void golden_section(double low, double high, int steps, At&& at) {
+  constexpr double golden = 0.6180339887498949;
+  double a = high - golden * (high - low), b = low + golden * (high - low);
+  double at_a = at(a), at_b = at(b);
+  for (int i = 0; i < steps; ++i) {
+    if (at_a < at_b) {
+      high = std::exchange(b, a);
+      at_b = at_a;
+      a = high - golden * (high - low);
+      at_a = at(a);
+    } else {
+      low = std::exchange(a, b);
+      at_a = at_b;
+      b = low + golden * (high - low);
+      at_b = at(b);
+    }
+  }
+}
 
 // Of one recording. Its pace is the mean of how fast its field goes.
 class Judge {
@@ -71,9 +97,13 @@ class Judge {
  private:
   Hypothesis likeliest_of_all() {
     std::vector<Hypothesis> all;
-    const auto add = [&](const Past& past, int numbers) { all.push_back({past, misfit(past), numbers}); };
-    for (const auto from : {FirstState::poled_plus, FirstState::poled_minus, FirstState::unpoled})
+    const auto add = [&](const Past& past, int numbers) {
+      all.push_back({past, misfit(past), numbers, numbers > 0});
+    };
+    for (const auto from : {FirstState::poled_minus, FirstState::unpoled, FirstState::poled_plus})
       add({PastKind::cycled, from}, 0);
+    // A degree shows in heights, and says nothing before these are known.
+    if (!choice_.heights_are_free) all.push_back(partly_poled(all));
     if (!choice_.cycled_alone) {
       for (const auto kind : {PastKind::poled_plus, PastKind::poled_minus, PastKind::unpoled}) add({kind}, 0);
       for (const bool unpoled : {false, true})
@@ -85,13 +115,32 @@ class Judge {
     const double n = best->misfit.independent;
     const double floor = not_seen * not_seen * static_cast<double>(data_.columns.size());
     return *std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
-      return n * std::log(h.misfit.squares + floor) + h.numbers * (std::log(n) - n * std::log(much_less));
+      return n * std::log(h.misfit.squares + floor) + h.numbers * std::log(n) -
+             (h.has_to_halve ? n * std::log(much_less) : 0);
     });
   }
 
   Past visited(double level, bool unpoled) const {
     const auto far_side = level < 0 ? FirstState::poled_plus : FirstState::poled_minus;
     return {PastKind::visited, unpoled ? FirstState::unpoled : far_side, {{level, std::abs(level) / pace_}}};
+  }
+
+  // Cycled from the degree of poling that fits best, by a grid and, around its best, by the golden section.
+  // `named` is what was cycled from the degrees -1, 0 and 1.
+  Hypothesis partly_poled(std::span<const Hypothesis> named) {
+    std::vector<Hypothesis> tried;
+    const auto at = [&](double degree) {
+      const Past past{.kind = PastKind::cycled, .from = FirstState::partly_poled, .poling = degree};
+      tried.push_back({past, misfit(past), 1});
+      return tried.back().misfit.squares;
+    };
+    std::array<double, degrees.size()> squares{};
+    for (std::size_t k = 0; k < degrees.size(); ++k)
+      squares.at(k) = k % 5 == 0 ? named[k / 5].misfit.squares : at(degrees.at(k));
+    const auto k = static_cast<std::size_t>(std::ranges::min_element(squares) - squares.begin());
+    golden_section(degrees.at(k == 0 ? 0 : k - 1), degrees.at(std::min(k + 1, degrees.size() - 1)),
+                   refinements_of_degree, at);
+    return *std::ranges::min_element(tried, {}, [](const Hypothesis& h) { return h.misfit.squares; });
   }
 
   // The extreme level by a grid and, around its best, by the golden section.
@@ -107,23 +156,8 @@ class Judge {
     const auto place = static_cast<std::size_t>(best - tried.begin()), side = place / levels.size(),
                k = place % levels.size();
     const double sign = side == 0 ? -1 : 1;
-    double low = levels.at(k == 0 ? 0 : k - 1), high = levels.at(std::min(k + 1, levels.size() - 1));
-    constexpr double golden = 0.6180339887498949;
-    double a = high - golden * (high - low), b = low + golden * (high - low);
-    double at_a = at(sign * a * largest_), at_b = at(sign * b * largest_);
-    for (int i = 0; i < refinements; ++i) {
-      if (at_a < at_b) {
-        high = std::exchange(b, a);
-        at_b = at_a;
-        a = high - golden * (high - low);
-        at_a = at(sign * a * largest_);
-      } else {
-        low = std::exchange(a, b);
-        at_a = at_b;
-        b = low + golden * (high - low);
-        at_b = at(sign * b * largest_);
-      }
-    }
+    golden_section(levels.at(k == 0 ? 0 : k - 1), levels.at(std::min(k + 1, levels.size() - 1)), refinements,
+                   [&](double share) { return at(sign * share * largest_); });
     return visited(std::ranges::min_element(tried, {}, &std::pair<double, double>::second)->first, unpoled);
   }
 

@@ -1,15 +1,18 @@
 // What a specimen had been through before a recording whose past nobody wrote down: the likeliest of
 //
 //   poled towards +, poled towards -, unpoled
-//   cycled: the program itself until it repeats, from each of these
+//   cycled: the program itself until it repeats, from each of these, or from a specimen partly poled; the
+//   degree is a free number
 //   visited: from the far side, or unpoled, to one extreme level and back, at the recording's own pace; the
 //   level is a free number
 //
-// by -2 ln L = n ln(sum of squares) + k (ln(n) + n ln 2), with k free numbers and n rows that are independent
-// of each other (what a model misses goes together over many samples). A free level has to halve the sum of
-// squares: where a model is wrong, a level that nobody set makes up for it. Near a start neither the
-// polarization nor the strain is right yet, so the height of each channel is free; the coercive fields and
-// which way the first ramp goes tell the pasts apart all the same.
+// by -2 ln L = n ln(sum of squares) + k ln(n), with k free numbers and n rows that are independent of each
+// other (what a model misses goes together over many samples). A free level has to halve the sum of squares,
+// n ln 2 more: where a model is wrong, a level that nobody set makes up for it. A degree of poling has not:
+// each specimen has one, and cycles that do not saturate it leave much of it.
+//
+// Near a start neither the polarization nor the strain is right yet, so the height of each channel is free;
+// the coercive fields and which way the first ramp goes tell the pasts apart all the same.
 #pragma once
 
 #include <functional>
