@@ -222,8 +222,9 @@ class Improver {
     const auto after = miss(at, all);
     bool any = false;
     for (const std::size_t r : all) {
-      if (!(excess_beside_error(noise_, {after[r]}, {r}) < excess_beside_error(noise_, {before[r]}, {r})))
-        continue;
+      // By the likelihood, not by squares beside an error that was estimated under the past that stands: a
+      // wrong past makes that so large in one channel that the other one decides.
+      if (!(log_likelihood_ratio_beside_error(noise_, {before[r]}, {after[r]}, {r}) > 0)) continue;
       any = any || chosen[r] != others[r];
       chosen[r] = others[r];
     }
@@ -246,8 +247,12 @@ class Improver {
 
   // The model's error by what it misses where it stands, the residuals under it, and the fit to these.
   void fit_beside_error(Place& at) {
-    estimate_model_errors(*task_.bench, learned_, task_.train, noise_);
-    estimate_model_errors(*task_.bench, locked_, task_.held_out, noise_);
+    // All together: what is usual of a channel cannot be said by the few that are locked.
+    auto recordings = task_.train;
+    auto missed = learned_;
+    recordings.insert(recordings.end(), task_.held_out.begin(), task_.held_out.end());
+    missed.insert(missed.end(), locked_.begin(), locked_.end());
+    estimate_model_errors(*task_.bench, missed, recordings, noise_);
     material_ = is_error_material(*task_.bench, noise_, task_.train, task_.floor);
     residuals_ =
         std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
