@@ -102,6 +102,8 @@ class BaseSearch {
     how.starts = 1;
     how.iterations = iterations;
     how.simulation = options_.simulation;
+    how.simulation.domains = how.middle.domains;  // what is accepted is fitted again, more finely
+    how.simulation.tolerance = how.middle.tolerance;
     how.progress = [this](const FitProgress& p) {
       options_.tick("fitting what the search found", 0.7 + 0.3 * p.fraction);
       return true;
