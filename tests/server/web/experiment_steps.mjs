@@ -141,7 +141,9 @@ export async function abortsARun({ page }) {
   await page.waitForFunction(() => document.querySelector("#recording-list li .wrong")?.textContent.startsWith("aborted"));
   await open(page, "recordings");
   await page.selectOption("#recording-status", "aborted");
-  assert.equal(await page.locator("#recording-list li").count(), 1, "one was aborted");
+  // The queue's step may have left one too.
+  const shown = await page.$$eval("#recording-list li", (rows) => rows.map((row) => row.querySelector(".wrong")?.textContent ?? "complete"));
+  assert.ok(shown.length > 0 && shown.every((status) => status.startsWith("aborted")), `only what was aborted is shown, not: ${shown}`);
   await page.selectOption("#recording-status", "");
   const name = await newest(page).getAttribute("data-name");
   await openRecording(page, name);
