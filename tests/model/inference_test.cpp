@@ -330,6 +330,31 @@ TEST(BaseSearch, SeesEachProgramOnce) {
   for (const auto& column : seen[0].columns) EXPECT_DOUBLE_EQ(column.error, 5);
 }
 
+// While the field climbs by stairs the prestress relaxes, so that the force falls: its sign is right all the
+// same.
+TEST(PrepareBench, ADriftIsNoWrongSign) {
+  auto stack = library_model("nec-single-crystal");
+  stack.load = {1e6, 20e6};
+  std::vector<std::pair<double, double>> corners{{0, 0}};
+  for (int i = 1; i <= 8; ++i) {
+    corners.emplace_back(5 * i - 1, 1e5 * (i - 1));
+    corners.emplace_back(5 * i, 1e5 * i);
+  }
+  const Program stairs(corners, 0.05);
+  auto relaxing = stack;
+  relaxing.effects = {{"prestress_relaxation", {{"fraction", 0.4}, {"time_constant", 20.0}}}};
+  std::vector<std::string> warnings;
+  const auto r = measured_on(relaxing, stairs);
+  const auto& force = r.at(recordings::Channel::force);
+  ASSERT_LT(force.back(), 0.9 * force.front());
+  EXPECT_EQ(inference::prepare_bench(stack, {{"stairs", r}}, 2000, warnings).size(), 1U);
+  auto turned = measured_on(stack, stairs);
+  auto falling = turned.at(recordings::Channel::force);
+  for (double& f : falling) f = -f;
+  turned.set(recordings::Channel::force) = falling;
+  EXPECT_THROW(inference::prepare_bench(stack, {{"stairs", turned}}, 2000, warnings), Error);
+}
+
 // Three loops of a real ceramic at 0.01 to 1 Hz; ferrobench_fit_ceramic does the same from ten seeds.
 TEST(FitFromNothing, ExplainsARealCeramic) {
   if (!std::filesystem::exists(ceramic_file())) GTEST_SKIP() << ceramic_file() << " is not there";
