@@ -68,7 +68,8 @@ protocols::Past read_past(const Input& in) {
   if (out.kind == protocols::PastKind::partly_poled || out.from == protocols::FirstState::partly_poled) {
     const auto place = group + "/poling";
     out.poling = in.number(place);
-    if (!(std::abs(*out.poling) <= 1)) in.fail(place, "is no degree of poling", "from -1 to 1");
+    if (!out.poling) in.fail(place, "is missing", "what is partly poled has a degree from -1 to 1");
+    if (std::abs(*out.poling) > 1) in.fail(place, "is no degree of poling", "from -1 to 1");
   }
   if (!visited) return out;
   const auto column = [&](const char* name) {

@@ -26,7 +26,8 @@ Recording small_recording() {
   r.set(Channel::displacement) = r.time;
   r.set(Channel::force).assign(r.size(), 200);
   r.header.model = {{"format", "ferrobench-model"}};
-  r.header.past = {protocols::PastKind::visited, protocols::FirstState::poled_plus, {{-1e6, 1}, {0, 1}}};
+  r.header.past = {
+      protocols::PastKind::visited, protocols::FirstState::partly_poled, {{-1e6, 1}, {0, 1}}, -0.4};
   r.events = {{0.5, "note", "here"}};
   return r;
 }
@@ -117,6 +118,10 @@ const std::vector<Damage>& damages() {
          H5Lcreate_hard(f, "/entry/definition", f, "/entry/sample/past/kind", H5P_DEFAULT, H5P_DEFAULT);
        },
        "/entry/sample/past/kind", "not a name"},
+      {"past_without_poling", [](hid_t f) { H5Ldelete(f, "/entry/sample/past/poling", H5P_DEFAULT); },
+       "/entry/sample/past/poling", "missing"},
+      {"past_poled_beyond", [](hid_t f) { put_numbers(f, "/entry/sample/past/poling", {1.5}); },
+       "/entry/sample/past/poling", "degree"},
       {"past_without_levels", [](hid_t f) { H5Ldelete(f, "/entry/sample/past/field", H5P_DEFAULT); },
        "/entry/sample/past/field", "missing"},
       {"past_nan",
