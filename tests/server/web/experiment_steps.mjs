@@ -128,7 +128,14 @@ export async function runsToTheEnd({ page }) {
 }
 
 // Stop, by the one who started it: zero, its reason on the page, a recording that says so and can be looked at.
+// What the list of recordings says of each that it shows.
+const statuses = (page) => page.$$eval("#recording-list li", (rows) => rows.map((row) => row.querySelector(".wrong")?.textContent ?? "complete"));
+
 export async function abortsARun({ page }) {
+  await open(page, "recordings");
+  await page.selectOption("#recording-status", "aborted");
+  const before = (await statuses(page)).length;
+  await page.selectOption("#recording-status", "");
   await open(page, "experiment");
   await page.uncheck("#fast");
   await page.click("#start");
@@ -141,9 +148,9 @@ export async function abortsARun({ page }) {
   await page.waitForFunction(() => document.querySelector("#recording-list li .wrong")?.textContent.startsWith("aborted"));
   await open(page, "recordings");
   await page.selectOption("#recording-status", "aborted");
-  // The queue's step may have left one too.
-  const shown = await page.$$eval("#recording-list li", (rows) => rows.map((row) => row.querySelector(".wrong")?.textContent ?? "complete"));
-  assert.ok(shown.length > 0 && shown.every((status) => status.startsWith("aborted")), `only what was aborted is shown, not: ${shown}`);
+  const shown = await statuses(page);
+  assert.ok(shown.every((status) => status.startsWith("aborted")), `only what was aborted is shown, not: ${shown}`);
+  assert.equal(shown.length, before + 1, "one was aborted");
   await page.selectOption("#recording-status", "");
   const name = await newest(page).getAttribute("data-name");
   await openRecording(page, name);
