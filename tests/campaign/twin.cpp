@@ -141,6 +141,8 @@ class Player {
     const double back = std::abs(command - from) / slew;
     using enum protocols::FirstState;
     const auto first = past.from.value_or(poled_plus);
+    if (first == partly_poled)
+      throw Error(ErrorCode::invalid_params, "the twin plays nothing that was partly poled");
     rest(first == poled_plus ? 1
          : first == unpoled  ? 1.0 / 3
                              : 0,
