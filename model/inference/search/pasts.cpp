@@ -27,6 +27,7 @@ constexpr int refinements = 8;
 
 // Degrees of poling to try between those that have names, and steps around the best: to 0.02.
 constexpr std::array degrees{-1.0, -0.85, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7, 0.85, 1.0};
+constexpr std::size_t from_name_to_name = (degrees.size() - 1) / 2;
 constexpr int refinements_of_degree = 6;
 
 // What a coarse simulation is off by in each channel, percent of the range (study/fit.h): a past that is
@@ -136,7 +137,8 @@ class Judge {
     };
     std::array<double, degrees.size()> squares{};
     for (std::size_t k = 0; k < degrees.size(); ++k)
-      squares.at(k) = k % 5 == 0 ? named[k / 5].misfit.squares : at(degrees.at(k));
+      squares.at(k) =
+          k % from_name_to_name == 0 ? named[k / from_name_to_name].misfit.squares : at(degrees.at(k));
     const auto k = static_cast<std::size_t>(std::ranges::min_element(squares) - squares.begin());
     golden_section(degrees.at(k == 0 ? 0 : k - 1), degrees.at(std::min(k + 1, degrees.size() - 1)),
                    refinements_of_degree, at);
