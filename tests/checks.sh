@@ -72,8 +72,10 @@ alone() {
   xargs -d '\n' -P "$jobs" -I {} sh -c '{}' <"$work/commands"
 }
 
+# Its files lie apart from those of the same tests that ctest runs beside it.
 sanitizers() {
-  configure "$work/sanitized" -DCMAKE_CXX_FLAGS_DEBUG="-O0 -g1" -DFERROBENCH_SANITIZE=address,undefined &&
+  mkdir -p "$work/tmp" && export TMPDIR="$work/tmp" &&
+    configure "$work/sanitized" -DCMAKE_CXX_FLAGS_DEBUG="-O0 -g1" -DFERROBENCH_SANITIZE=address,undefined &&
     ninja -C "$work/sanitized" --quiet base_test protocols_test recordings_test &&
     ctest --test-dir "$work/sanitized/tests/base" --parallel "$jobs" --output-on-failure &&
     ctest --test-dir "$work/sanitized/tests/protocols" --parallel "$jobs" --output-on-failure &&

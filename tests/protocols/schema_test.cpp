@@ -1,8 +1,10 @@
 // The published schema and validate() agree, as far as a schema can say it.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 
 #include "tests/protocols/programs.h"
@@ -119,11 +121,14 @@ bool beyond_a_schema(const Problem& problem) {
 
 // By a validator that is not ours.
 void check_with_schema(const json& cases) {
-  const auto path = testing::TempDir() + "protocol_schema_cases.json";
+  const auto* test = testing::UnitTest::GetInstance()->current_test_info()->name();
+  const auto path =
+      testing::TempDir() + "protocol_schema_cases_" + std::to_string(getpid()) + "_" + test + ".json";
   std::ofstream(path) << json{{"schema", protocol_schema()}, {"cases", cases}};
   const std::string command =
       std::string(FERROBENCH_PYTHON) + " " + FERROBENCH_SCHEMA_CHECK + " '" + path + "'";
   EXPECT_EQ(std::system(command.c_str()), 0) << "needs python3-jsonschema; " << command;
+  std::filesystem::remove(path);
 }
 
 TEST(Schema, AgreesWithValidate) {
