@@ -25,8 +25,8 @@ constexpr double least_gain = 10;
 // better than a table, and moves parameters that it has nothing to do with; a table has to hold.
 constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
 constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
-// Of the time, where a search of the base's whole range is made: about so much of it.
-constexpr double share_of_search = 0.7;
+// Of the time, where a search of the base's whole range is made, and of the rest for effects: about so much.
+constexpr double share_of_search = 0.7, share_of_effects = 0.3;
 // Rounds in which fit and error are made to agree with each other; both move little after two.
 constexpr int settling_rounds = 2;
 
@@ -61,10 +61,11 @@ class Improver {
  public:
   explicit Improver(const ImprovementTask& task) : task_(task), noise_(*task.noise) {}
 
-  Improvement run(const Hypothesis& base, const Eigen::VectorXd& z) {
-    Place at{base, z};
+  Improvement run(const Fit& base) {
+    fit_ = base;
+    Place at{base.hypothesis, base.z};
     at.hypothesis.reach = 1;
-    for (int i = 0; i < settling_rounds; ++i) settle(at);
+    for (int i = 0; i < (by_noise() ? 1 : settling_rounds); ++i) settle(at);
     if (!task_.presumed_past)
       for (int i = 0; i < settling_rounds && other_pasts(at); ++i) settle(at);
     out_.base = fit_;
@@ -91,6 +92,9 @@ class Improver {
     double least() const { return std::min(share, share_held_out); }
   };
 
+  bool by_noise() const { return task_.by_noise != nullptr; }
+  const WhitenedRecordings& residuals() const { return by_noise() ? *task_.by_noise : *residuals_; }
+
   void name(Place& at) {
     auto remaining = task_.candidates;
     demanded_ = task_.selection.material_share;
@@ -98,18 +102,17 @@ class Improver {
     }
   }
 
-  // The model is handed on without gains and offsets, so what is fitted to the rest must not count on them.
   void fit_without_instruments(Place& at) {
     trust_instruments(at.hypothesis, at.z);
     for (int i = 0; i < settling_rounds; ++i) settle(at);
   }
 
   void narrow(Place& at) {
-    fit_without_instruments(at);
+    if (!by_noise()) fit_without_instruments(at);
     out_.base = fit_;
     auto remaining = task_.candidates;
     demanded_ = least_share_of_effect;
-    search_again(at, remaining);
+    if (!by_noise()) search_again(at, remaining);
     while (!out_.named && out_.added.size() < most_effects && material_ && add_effect(at, remaining)) {
     }
   }
@@ -130,7 +133,7 @@ class Improver {
       if (trial && searched.effect != nullptr) {
         const double gained =
             log_likelihood_ratio_beside_error(noise_, learned_, trial->learned, task_.train) -
-            bic_penalty({searched.effect}, residuals_->samples());
+            bic_penalty({searched.effect}, residuals().samples());
         tried.push_back({searched.effect, gained, std::move(next), pasts()});
       } else if (trial && trial->least() >= demanded_) {
         out_.searched = true;
@@ -162,7 +165,7 @@ class Improver {
     try {
       for (int i = 0; i < settling_rounds; ++i) {
         if (!other_pasts(at) && i > 0) break;
-        at.z = minimize(*residuals_, at.hypothesis, at.z, solver(8, "fitting what the search found")).z;
+        at.z = minimize(residuals(), at.hypothesis, at.z, solver(8, "fitting what the search found")).z;
       }
       return weigh(at);
     } catch (const Error& failure) {
@@ -196,7 +199,10 @@ class Improver {
   }
 
   void tick(const std::string& stage) const {
-    const double done = static_cast<double>(out_.added.size()) / (most_effects + 1);
+    const double ports = 2 * static_cast<double>(task_.tables.size());  // mostly tried twice each
+    const double done = tables_tried_ > 0
+                            ? share_of_effects + (1 - share_of_effects) * std::min(1.0, tables_tried_ / ports)
+                            : share_of_effects * static_cast<double>(out_.added.size()) / (most_effects + 1);
     task_.tick(stage, searched_ + (1 - searched_) * done);
   }
   SolverOptions solver(int iterations, const std::string& stage) const {
@@ -235,7 +241,10 @@ class Improver {
   // Measured less simulated over the noise.
   Signals miss(const Place& at, const std::vector<std::size_t>& recordings) const {
     const WhitenedRecordings fine(*task_.bench, *task_.noise, recordings, simulation_, task_.threads);
-    return predict(fine, at.hypothesis, at.z).standardized;
+    if (!by_noise()) return predict(fine, at.hypothesis, at.z).standardized;
+    const WhitenedRecordings coarse(*task_.bench, *task_.noise, recordings, residuals().simulation(),
+                                    task_.threads);
+    return predict(fine, coarse, at.hypothesis, at.z).standardized;
   }
 
   void settle(Place& at) {
@@ -254,24 +263,30 @@ class Improver {
     missed.insert(missed.end(), locked_.begin(), locked_.end());
     estimate_model_errors(*task_.bench, missed, recordings, noise_);
     material_ = is_error_material(*task_.bench, noise_, task_.train, task_.floor);
+    if (!by_noise()) weigh_rows(at.hypothesis);
+    fit_ = minimize(residuals(), at.hypothesis, at.z,
+                    solver(12, by_noise() ? "refitting" : "fitting beside the model's error"),
+                    by_noise() ? &fit_ : nullptr);
+    refresh_jacobian(residuals(), fit_);
+    at.z = fit_.z;
+  }
+
+  // The residuals beside the model's error.
+  void weigh_rows(const Hypothesis& hypothesis) {
     residuals_ =
         std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
-    if (!chosen_) {
-      WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
-      choose_fidelities(*residuals_, fine, at.hypothesis, simulation_.domains);
-      coarse_ = residuals_->simulation();
-      chosen_ = true;
-    }
-    fit_ = minimize(*residuals_, at.hypothesis, at.z, solver(12, "fitting beside the model's error"));
-    refresh_jacobian(*residuals_, fit_);
-    at.z = fit_.z;
+    if (chosen_) return;
+    WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
+    choose_fidelities(*residuals_, fine, hypothesis, simulation_.domains);
+    coarse_ = residuals_->simulation();
+    chosen_ = true;
   }
 
   // Twice the logarithm of the likelihood ratio, each error at its own estimate: the sum over channels of
   // recordings of n ln(squares before / squares with), n their independent rows.
   double log_likelihood_ratio(const Fit& with) const {
     double out = prior_squares(fit_.hypothesis, fit_.z) - prior_squares(with.hypothesis, with.z);
-    for (const auto& b : residuals_->blocks()) {
+    for (const auto& b : residuals().blocks()) {
       const double n = static_cast<double>(b.count) / noise_[b.recording][b.channel].rows_as_one;
       out += n * std::log(fit_.residual.segment(b.begin, b.count).squaredNorm() /
                           with.residual.segment(b.begin, b.count).squaredNorm());
@@ -282,8 +297,8 @@ class Improver {
   // The effect that makes the model likeliest, if any does and holds on the locked recordings.
   bool add_effect(Place& at, std::vector<const Effect*>& remaining) {
     const auto screened =
-        screen(*residuals_, fit_, {.effects = remaining, .rounds = 4, .tick = [this](double) {
-                                     tick("trying every effect beside the model's error");
+        screen(residuals(), fit_, {.effects = remaining, .rounds = 4, .tick = [this](double) {
+                                     tick("trying every effect on what is left");
                                    }});
     std::vector<TriedEffect> tried;
     for (const auto& s : screened) {
@@ -292,8 +307,8 @@ class Improver {
       auto z = prior_mean(hypothesis);
       z.head(at.z.size()) = at.z;
       auto f =
-          minimize(*residuals_, hypothesis, z, solver(8, "refitting " + std::string(s.effect->id)), &fit_);
-      const double gained = log_likelihood_ratio(f) - bic_penalty({s.effect}, residuals_->samples());
+          minimize(residuals(), hypothesis, z, solver(8, "refitting " + std::string(s.effect->id)), &fit_);
+      const double gained = log_likelihood_ratio(f) - bic_penalty({s.effect}, residuals().samples());
       tried.push_back({s.effect, gained, {std::move(f.hypothesis), std::move(f.z)}});
     }
     auto rivals = probabilities(tried);
@@ -316,11 +331,12 @@ class Improver {
     const double scale = largest_field(*task_.bench);
     std::vector<TriedTerm> tried;
     for (const auto* term : ports) {
+      ++tables_tried_;
       const double amplitude =
           term_amplitude(*term, fit_.hypothesis.model, *task_.bench, task_.train, noise_);
       if (amplitude > 0)
         tried.push_back(fit_empirical(
-            *residuals_, fit_, *term, {amplitude, scale},
+            residuals(), fit_, *term, {amplitude, scale},
             [this](const Fit& with) { return log_likelihood_ratio(with); },
             solver(6, "fitting " + std::string(term->id))));
     }
@@ -333,11 +349,14 @@ class Improver {
     return false;
   }
 
+  double excess(const Signals& missed, const std::vector<std::size_t>& recordings) const {
+    return by_noise() ? excess_squares(missed) : excess_beside_error(noise_, missed, recordings);
+  }
+
   Trial weigh(const Place& next) const {
     const auto share_of = [&](const Signals& before, const Signals& after,
                               const std::vector<std::size_t>& recordings) {
-      return 1 -
-             excess_beside_error(noise_, after, recordings) / excess_beside_error(noise_, before, recordings);
+      return 1 - excess(after, recordings) / excess(before, recordings);
     };
     Trial out{.learned = miss(next, task_.train), .locked = miss(next, task_.held_out)};
     out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
@@ -352,7 +371,7 @@ class Improver {
   bool accept(Place& at, Place next, const Effect* effect) {
     auto trial = weigh(next);
     // A table remembers turning points, so that a past shows which the model before it did not feel.
-    if (trial.least() < demanded_ && effect->empirical) {
+    if (trial.least() < demanded_ && effect->empirical && !by_noise()) {
       const auto before = pasts();
       if (other_pasts(next)) trial = weigh(next);
       if (trial.least() < demanded_ && task_.set_pasts) task_.set_pasts(before);
@@ -380,14 +399,15 @@ class Improver {
   Signals learned_, locked_;
   bool material_ = false;
   double searched_ = 0;  // share of the time that the search took
+  int tables_tried_ = 0;
   double demanded_ = 1;  // share that a term has to take away, on both sides
   Improvement out_;
 };
 
 }  // namespace
 
-Improvement improve(const Hypothesis& base, const Eigen::VectorXd& z, const ImprovementTask& task) {
-  return Improver(task).run(base, z);
+Improvement improve(const Fit& base, const ImprovementTask& task) {
+  return Improver(task).run(base);
 }
 
 }  // namespace ferrobench::model::inference

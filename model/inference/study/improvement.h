@@ -4,9 +4,11 @@
 // and must hold on the locked recordings, however little is known of why. What named effects leave is
 // narrowed by data-driven terms alone.
 //
-// The model stays wrong by more than noise, so its own error is part of the likelihood (observation/noise.h),
-// estimated again after every term. With s_k the sum of squares that a model with k more numbers leaves of n
-// independent rows, a term has to earn
+// A model that is wrong by much stays so, and its own error is part of the likelihood (observation/noise.h),
+// estimated again after every term. One that is wrong by little is fitted by noise alone: beside an error
+// that goes together over many rows what is known beforehand would count for more than what was measured.
+// With s_k the sum of squares that a model with k more numbers leaves of n independent rows, a term has to
+// earn
 //
 //   n ln(s_0 / s_k) - k ln(n) > least_gain
 //
@@ -38,6 +40,11 @@ struct ImprovementTask {
   int threads = 1;
   SelectionOptions selection;  // its material_share and lack_of_fit
   double floor = 0;            // of the range: an error below this is not worked on
+  // Residuals of `train` by noise alone, where that is the measure still. Null: the model is wrong by much.
+  // Then it is fitted beside its own error, the whole range of its parameters is searched, and gains and
+  // offsets are taken for what the instruments state while terms are looked for: nobody could tell that they
+  // are off, and the model is handed on without them.
+  const WhitenedRecordings* by_noise = nullptr;
   // The pasts that are likeliest under a recalibrated model, in the bench's order, and what puts pasts into
   // the bench. Null: none is to be chosen.
   std::function<std::vector<protocols::Past>(const Model&)> choose_pasts{};
@@ -64,7 +71,7 @@ struct Improvement {
   std::vector<std::pair<const Effect*, double>> rivals;
 };
 
-// From a base model at z.
-Improvement improve(const Hypothesis& base, const Eigen::VectorXd& z, const ImprovementTask& task);
+// From where a base model stands. By noise alone it has to be a fit to the end; else hypothesis and z do.
+Improvement improve(const Fit& base, const ImprovementTask& task);
 
 }  // namespace ferrobench::model::inference

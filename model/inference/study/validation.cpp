@@ -50,8 +50,9 @@ Prediction predict_by(const WhitenedRecordings& fine, const WhitenedRecordings* 
 
 }  // namespace
 
-Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse, const Fit& fit) {
-  return predict_by(fine, &coarse, fit.hypothesis, fit.z);
+Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse,
+                   const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
+  return predict_by(fine, &coarse, hypothesis, z);
 }
 
 Prediction predict(const WhitenedRecordings& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
@@ -133,14 +134,15 @@ bool shows(const Signals& standardized, const SelectionOptions& options) {
   });
 }
 
+double excess_squares(const Signals& standardized) {
+  double out = 0;
+  for (const auto& recording : standardized)
+    for (const auto& channel : recording) out += excess_squares(channel);
+  return out;
+}
+
 double share_explained(const Signals& before, const Signals& after) {
-  const auto excess = [](const Signals& standardized) {
-    double out = 0;
-    for (const auto& recording : standardized)
-      for (const auto& channel : recording) out += excess_squares(channel);
-    return out;
-  };
-  const double was = excess(before), is = excess(after);
+  const double was = excess_squares(before), is = excess_squares(after);
   return was > 0 ? std::clamp(1 - is / was, 0.0, 1.0) : 0;
 }
 

@@ -20,7 +20,8 @@ struct Prediction {
 };
 // By the fine simulation. Drives that were read from a measured field are put where the channels want them,
 // as far as the field's noise allows; the coarse residuals of the same recordings make the slopes for that.
-Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse, const Fit& fit);
+Prediction predict(const WhitenedRecordings& fine, const WhitenedRecordings& coarse,
+                   const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 // With drives as they were read: a model that misses by many times the noise would want them anywhere.
 Prediction predict(const WhitenedRecordings& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 
@@ -43,6 +44,7 @@ bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothes
 // channel is asked for itself: a noise that was counted too high in one must not hide what is missed in
 // another.
 double excess_squares(const std::vector<double>& standardized);
+double excess_squares(const Signals& standardized);
 // Whether more than noise is in any channel.
 bool shows(const Signals& standardized, const SelectionOptions& options);
 // The share of the excess before that is gone after, 0 to 1; 0 where there was none.
