@@ -109,7 +109,8 @@ TEST(BenchMessages, FlippedBitsAreRefusedOrAnotherMessage) {
 
 TEST(BenchMessages, AnotherVersionAndAnotherProgramAreRefused) {
   const auto whole = framed(Alive{});
-  for (const auto& [place, value] : {std::pair{0, 'X'}, {4, '\x02'}, {6, '\x63'}, {11, '\x7f'}}) {
+  for (const auto& [place, value] :
+       {std::pair{0, 'X'}, {4, static_cast<char>(version + 1)}, {6, '\x63'}, {11, '\x7f'}}) {
     auto bytes = whole;
     bytes[static_cast<std::size_t>(place)] = value;
     Inbox inbox;
