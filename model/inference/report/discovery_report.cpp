@@ -28,8 +28,7 @@ std::string names_of(const Explanation& e) {
 }
 
 std::string percent(double probability) {
-  if (probability > 0.99) return "more than 99 %";
-  return fmt::format("{:.0f} %", 100 * probability);
+  return probability > 0.99 ? "more than 99 %" : fmt::format("{:.0f} %", 100 * probability);
 }
 
 std::string parameter_text(const Effect& effect, const EffectEstimate::Parameter& p) {
@@ -148,8 +147,7 @@ struct Section {
 
 std::vector<std::string> added_lines(const Discovery& d) {
   std::vector<std::string> out;
-  const bool named = d.verdict == Verdict::named || d.verdict == Verdict::ambiguous;
-  if (!named && !d.added.empty())
+  if (d.verdict == Verdict::unknown && !d.added.empty())
     out.emplace_back(
         "Terms that narrow the gap and hold on recordings that were locked away. They do not say why it is "
         "there.");

@@ -118,19 +118,6 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
   return out;
 }
 
-// Where most is left in the channel whose model error is largest over its range, if that is material.
-std::optional<Remainder> remainder_of(const Session& s, const WhitenedRecordings& coarse, const Fit& fit,
-                                      const std::vector<Excess>& where) {
-  const auto worst =
-      std::ranges::max_element(s.out.left, {}, [](const auto& l) { return l.second.model_error; });
-  if (worst == s.out.left.end() || worst->second.model_error <= s.options.floor) return std::nullopt;
-  const auto place = std::ranges::find(where, worst->first, &Excess::channel);  // sorted, worst first
-  return Remainder{.family = fit_residual_basis(coarse, fit).family,
-                   .channel = worst->first,
-                   .segment = place == where.end() ? "" : place->segment,
-                   .of_range = worst->second.model_error};
-}
-
 void split(Session& s, const std::vector<bool>& held) {
   s.train.clear();
   s.held_out.clear();
@@ -309,7 +296,9 @@ class Inquiry {
     out.train.after = rms_by_channel(fine_, after.standardized);
     out.share = share_explained(before.standardized, after.standardized);
     out.left = left_by_channel(fine_, after.standardized);
-    out.remainder = remainder_of(s_, coarse_, after_, excess_by_segment_class(fine_, after.standardized));
+    out.remainder =
+        remainder_of(out.left, excess_by_segment_class(fine_, after.standardized), s_.options.floor);
+    if (out.remainder) out.remainder->family = fit_residual_basis(coarse_, after_).family;
     if (!s_.held_out.empty()) {
       const WhitenedRecordings locked(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads);
       const WhitenedRecordings locked_coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(),

@@ -70,7 +70,7 @@ class Improver {
       for (int i = 0; i < settling_rounds && other_pasts(at); ++i) settle(at);
     out_.base = fit_;
     out_.added = task_.named;
-    if (out_.added.empty()) name(at);
+    if (out_.added.empty() && !by_noise()) name(at);
     out_.named = !out_.added.empty();
     if (!out_.named)
       narrow(at);
@@ -273,25 +273,17 @@ class Improver {
 
   // The residuals beside the model's error.
   void weigh_rows(const Hypothesis& hypothesis) {
+    const bool first = residuals_ == nullptr;
     residuals_ =
         std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
-    if (chosen_) return;
+    if (!first) return;
     WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
     choose_fidelities(*residuals_, fine, hypothesis, simulation_.domains);
     coarse_ = residuals_->simulation();
-    chosen_ = true;
   }
 
-  // Twice the logarithm of the likelihood ratio, each error at its own estimate: the sum over channels of
-  // recordings of n ln(squares before / squares with), n their independent rows.
   double log_likelihood_ratio(const Fit& with) const {
-    double out = prior_squares(fit_.hypothesis, fit_.z) - prior_squares(with.hypothesis, with.z);
-    for (const auto& b : residuals().blocks()) {
-      const double n = static_cast<double>(b.count) / noise_[b.recording][b.channel].rows_as_one;
-      out += n * std::log(fit_.residual.segment(b.begin, b.count).squaredNorm() /
-                          with.residual.segment(b.begin, b.count).squaredNorm());
-    }
-    return out;
+    return log_likelihood_ratio_beside_error(residuals(), noise_, fit_, with);
   }
 
   // The effect that makes the model likeliest, if any does and holds on the locked recordings.
@@ -349,13 +341,11 @@ class Improver {
     return false;
   }
 
-  double excess(const Signals& missed, const std::vector<std::size_t>& recordings) const {
-    return by_noise() ? excess_squares(missed) : excess_beside_error(noise_, missed, recordings);
-  }
-
   Trial weigh(const Place& next) const {
-    const auto share_of = [&](const Signals& before, const Signals& after,
-                              const std::vector<std::size_t>& recordings) {
+    const auto excess = [&](const Signals& missed, const std::vector<std::size_t>& recordings) {
+      return by_noise() ? excess_squares(missed) : excess_beside_error(noise_, missed, recordings);
+    };
+    const auto share_of = [&](const Signals& before, const Signals& after, const auto& recordings) {
       return 1 - excess(after, recordings) / excess(before, recordings);
     };
     Trial out{.learned = miss(next, task_.train), .locked = miss(next, task_.held_out)};
@@ -380,10 +370,8 @@ class Improver {
     at = std::move(next);
     out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
                           .empirical = effect->empirical,
-                          .share = std::max(0.0, trial.share),
-                          .share_held_out = task_.held_out.empty()
-                                                ? std::nullopt
-                                                : std::optional(std::max(0.0, trial.share_held_out))});
+                          .share = std::max(0.0, trial.share)});
+    if (!task_.held_out.empty()) out_.added.back().share_held_out = std::max(0.0, trial.share_held_out);
     learned_ = std::move(trial.learned);
     locked_ = std::move(trial.locked);
     fit_beside_error(at);
@@ -393,7 +381,6 @@ class Improver {
   const ImprovementTask& task_;
   std::vector<std::vector<NoiseModel>> noise_;  // with the model's error
   SimulationOptions simulation_ = task_.simulation, coarse_ = task_.simulation;
-  bool chosen_ = false;
   std::unique_ptr<WhitenedRecordings> residuals_;
   Fit fit_;
   Signals learned_, locked_;

@@ -74,6 +74,18 @@ double log_likelihood_ratio_beside_error(const std::vector<std::vector<NoiseMode
   return out;
 }
 
+double log_likelihood_ratio_beside_error(const WhitenedRecordings& residuals,
+                                         const std::vector<std::vector<NoiseModel>>& noise, const Fit& before,
+                                         const Fit& with) {
+  double out = prior_squares(before.hypothesis, before.z) - prior_squares(with.hypothesis, with.z);
+  for (const auto& b : residuals.blocks()) {
+    const double n = static_cast<double>(b.count) / noise[b.recording][b.channel].rows_as_one;
+    out += n * std::log(before.residual.segment(b.begin, b.count).squaredNorm() /
+                        with.residual.segment(b.begin, b.count).squaredNorm());
+  }
+  return out;
+}
+
 bool is_error_material(const std::vector<BenchRecording>& bench,
                        const std::vector<std::vector<NoiseModel>>& noise,
                        const std::vector<std::size_t>& recordings, double floor) {

@@ -28,6 +28,11 @@ double log_likelihood_ratio_beside_error(const std::vector<std::vector<NoiseMode
                                          const Signals& before, const Signals& with,
                                          const std::vector<std::size_t>& recordings);
 
+// The same of two fits, by their residuals and what their priors cost.
+double log_likelihood_ratio_beside_error(const WhitenedRecordings& residuals,
+                                         const std::vector<std::vector<NoiseModel>>& noise, const Fit& before,
+                                         const Fit& with);
+
 // Whether the error is more than the share `floor` of a channel's range in any of `recordings`.
 bool is_error_material(const std::vector<BenchRecording>& bench,
                        const std::vector<std::vector<NoiseModel>>& noise,

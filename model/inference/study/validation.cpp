@@ -174,6 +174,16 @@ std::vector<Excess> excess_by_segment_class(const WhitenedRecordings& residuals,
   return out;
 }
 
+std::optional<Remainder> remainder_of(const std::map<recordings::Channel, Left>& left,
+                                      const std::vector<Excess>& where, double floor) {
+  const auto worst = std::ranges::max_element(left, {}, [](const auto& l) { return l.second.model_error; });
+  if (worst == left.end() || worst->second.model_error <= floor) return std::nullopt;
+  const auto place = std::ranges::find(where, worst->first, &Excess::channel);
+  return Remainder{.channel = worst->first,
+                   .segment = place == where.end() ? "" : place->segment,
+                   .of_range = worst->second.model_error};
+}
+
 std::vector<Trace> traces(const WhitenedRecordings& residuals, const Prediction& before,
                           const Prediction& after, std::size_t count, bool held_out) {
   struct Place {

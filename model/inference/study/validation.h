@@ -52,6 +52,11 @@ double share_explained(const Signals& before, const Signals& after);
 // By recording, channel and class of segment; worst first.
 std::vector<Excess> excess_by_segment_class(const WhitenedRecordings& residuals, const Signals& standardized);
 
+// Where most is left in the channel whose model error is largest over its range, if that is more than
+// `floor`; without the family. `where` is sorted, worst first.
+std::optional<Remainder> remainder_of(const std::map<recordings::Channel, Left>& left,
+                                      const std::vector<Excess>& where, double floor);
+
 // The segments in which an explanation took away most, at most `count`, one for each channel and recording.
 std::vector<Trace> traces(const WhitenedRecordings& residuals, const Prediction& before,
                           const Prediction& after, std::size_t count, bool held_out);
