@@ -300,9 +300,8 @@ TEST(Discrepancy, WhatHasNoNameIsNarrowed) {
   EXPECT_NO_THROW(model_from_json(to_json(found.improved)));
 }
 
-// A smaller gap beside instruments that are a few percent off: what
-// narrows it goes by noise, with what was recalibrated, and leaves no more of the locked recordings than
-// stood before.
+// A smaller gap beside instruments that are a few percent off: what narrows it goes by noise, with what was
+// recalibrated, and leaves no more in any channel, learned or locked, than stood before.
 TEST(Discrepancy, NarrowingASmallGapKeepsTheInstruments) {
   auto bench = real_bench();
   bench.effects.push_back(foreign_kinetics(2e4));

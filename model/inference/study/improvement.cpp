@@ -251,11 +251,11 @@ class Improver {
     tick("how wrong the model is");
     learned_ = miss(at, task_.train);
     locked_ = miss(at, task_.held_out);
-    fit_beside_error(at);
+    refit(at);
   }
 
-  // The model's error by what it misses where it stands, the residuals under it, and the fit to these.
-  void fit_beside_error(Place& at) {
+  // The model's error by what it misses where it stands; the fit beside it, or by noise alone.
+  void refit(Place& at) {
     // All together: what is usual of a channel cannot be said by the few that are locked.
     auto recordings = task_.train;
     auto missed = learned_;
@@ -374,7 +374,7 @@ class Improver {
     if (!task_.held_out.empty()) out_.added.back().share_held_out = std::max(0.0, trial.share_held_out);
     learned_ = std::move(trial.learned);
     locked_ = std::move(trial.locked);
-    fit_beside_error(at);
+    refit(at);
     return true;
   }
 

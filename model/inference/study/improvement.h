@@ -40,10 +40,11 @@ struct ImprovementTask {
   int threads = 1;
   SelectionOptions selection;  // its material_share and lack_of_fit
   double floor = 0;            // of the range: an error below this is not worked on
-  // Residuals of `train` by noise alone, where that is the measure still. Null: the model is wrong by much.
-  // Then it is fitted beside its own error, the whole range of its parameters is searched, and gains and
-  // offsets are taken for what the instruments state while terms are looked for: nobody could tell that they
-  // are off, and the model is handed on without them.
+  // Residuals of `train` by noise alone, where that is the measure still. Null where the model is wrong by
+  // much, or has named effects that leave more than `floor`: it is fitted beside its own error then, and
+  // gains and offsets are taken for what the instruments state while terms are looked for. Nobody could tell
+  // that they are off, and the model is handed on without them. Where nothing is named yet, the whole range
+  // of its parameters is searched as well.
   const WhitenedRecordings* by_noise = nullptr;
   // The pasts that are likeliest under a recalibrated model, in the bench's order, and what puts pasts into
   // the bench. Null: none is to be chosen.
