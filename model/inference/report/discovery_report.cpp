@@ -95,12 +95,6 @@ std::string gap_sentence(const std::string& on, const Gap& g) {
                        after == g.after.end() ? NAN : after->second);
     first = false;
   }
-  double excess_before = 0, excess_after = 0;
-  for (const auto& [channel, v] : g.before) excess_before += std::max(0.0, v * v - 1);
-  for (const auto& [channel, v] : g.after) excess_after += std::max(0.0, v * v - 1);
-  if (excess_before > 0.1)
-    out += fmt::format(". {:.0f} % of the excess is gone",
-                       100 * std::max(0.0, 1 - excess_after / excess_before));
   return out + ".";
 }
 
