@@ -106,7 +106,7 @@ struct UsbConfig {
   std::int64_t output_channel = 0;
   Wiring wiring = Wiring::differential;
   double update_rate = 40e3;  // Hz
-  double queue_ahead = 0.1;   // s
+  double queue_ahead = 0.05;  // s
   AmplifierConfig amplifier;
   SpecimenConfig specimen;
   LoadConfig load;

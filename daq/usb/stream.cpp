@@ -280,7 +280,7 @@ void Stream::judge(const UnitStatus& status) {
                               "time; choose a lower rate or free the computer"}
                     : blocked());
   // Output follows input: where no input comes, the output runs dry as a consequence.
-  if (!input_late_ && clock_.now() - heard_ > packet_time_ + 2 * look_interval) return fail(silent());
+  if (!input_late_ && clock_.now() - heard_ > packet_time_ + look_interval) return fail(silent());
   fail(output_late_ ? Trouble{BlockStatus::underrun,
                               "the unit's output FIFO ran dry, as the computer did not send in time; raise "
                               "queue_ahead or free the computer"}

@@ -29,8 +29,8 @@ struct StreamPlan {
   Pace pace;
   StartConfig start;
   std::optional<MonitorCheck> monitor_check;
-  double queue_ahead = 0.1;  // s
-  double level = 0;          // V/m, at the output now
+  double queue_ahead = 0.05;  // s
+  double level = 0;           // V/m, at the output now
   int output_channel = 0;
   std::uint8_t latch = 0;  // digital outputs as they are, DIO0 low
   std::optional<int> interlock_bit;
