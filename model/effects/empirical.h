@@ -13,6 +13,10 @@
 //   they
 //      are a Prandtl-Ishlinskii operator (Krasnosel'skii and Pokrovskii 1989; Brokate and Sprekels 1996).
 //
+// A term with one input alone, the commanded field of the drive or the extension of the spring, is
+//
+//   u = amplitude (f(e) + sum_j play_j P_j(e)) - the same at e = 0 with the plays at rest,   e  input / scale
+//
 // The plays start at rest, in the middle of their dead zones at no field, and go from there straight to the
 // first field; the lags start in equilibrium with the first state. Inputs are linear over a step, for which
 // plays and lags are exact.
@@ -20,8 +24,8 @@
 
 #include <algorithm>
 #include <array>
-#include <initializer_list>
 #include <memory>
+#include <span>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -35,22 +39,41 @@ namespace ferrobench::model::effects {
 inline constexpr std::size_t field_knots = 9, fraction_knots = 5;
 inline constexpr std::array play_radii{0.05, 0.1, 0.2, 0.35, 0.5, 0.75};
 
-// The amplitude and the scales, then the weights of f, g, q, the plays and the lags. Where the field alone is
-// known, as in the drive, without time_constant, g, q and the lags.
+inline constexpr std::array<std::string_view, field_knots> field_table{
+    "field_0", "field_1", "field_2", "field_3", "field_4", "field_5", "field_6", "field_7", "field_8"},
+    extension_table{"extension_0", "extension_1", "extension_2", "extension_3", "extension_4",
+                    "extension_5", "extension_6", "extension_7", "extension_8"};
+inline constexpr std::array<std::string_view, play_radii.size()> play_weights{"play_0", "play_1", "play_2",
+                                                                              "play_3", "play_4", "play_5"};
+
+inline void add_weights(std::span<const std::string_view> names, std::vector<EffectParameter>& to) {
+  for (const auto name : names) to.emplace_back(name, "1", 1e-2, 1, Sign::any);
+}
+
+// Of a term of the material: the amplitude and the scales, then the weights of f, g, q, the plays and the
+// lags.
+inline std::vector<EffectParameter> empirical_parameters(const EffectParameter& amplitude) {
+  static constexpr std::array<std::string_view, 2 * fraction_knots> by_fractions{
+      "order_0",  "order_1",  "order_2",  "order_3",  "order_4",
+      "ninety_0", "ninety_1", "ninety_2", "ninety_3", "ninety_4"};
+  static constexpr std::array<std::string_view, 3> lags{"lag_field", "lag_order", "lag_ninety"};
+  std::vector<EffectParameter> out{amplitude,
+                                   {"field_scale", "V/m", 1e5, 1e7, Sign::above_zero},
+                                   {"time_constant", "s", 1e-3, 1e3, Sign::above_zero}};
+  add_weights(field_table, out);
+  add_weights(by_fractions, out);
+  add_weights(play_weights, out);
+  add_weights(lags, out);
+  return out;
+}
+
+// Of a term with one input alone: the amplitude and the scale, then the weights of f and the plays.
 inline std::vector<EffectParameter> empirical_parameters(const EffectParameter& amplitude,
-                                                         bool field_alone = false) {
-  std::vector<EffectParameter> out{amplitude, {"field_scale", "V/m", 1e5, 1e7, Sign::above_zero}};
-  const auto weights = [&](std::initializer_list<std::string_view> names) {
-    for (const auto name : names) out.emplace_back(name, "1", 1e-2, 1, Sign::any);
-  };
-  if (!field_alone) out.emplace_back("time_constant", "s", 1e-3, 1e3, Sign::above_zero);
-  weights(
-      {"field_0", "field_1", "field_2", "field_3", "field_4", "field_5", "field_6", "field_7", "field_8"});
-  if (!field_alone)
-    weights({"order_0", "order_1", "order_2", "order_3", "order_4", "ninety_0", "ninety_1", "ninety_2",
-             "ninety_3", "ninety_4"});
-  weights({"play_0", "play_1", "play_2", "play_3", "play_4", "play_5"});
-  if (!field_alone) weights({"lag_field", "lag_order", "lag_ninety"});
+                                                         const EffectParameter& scale,
+                                                         std::span<const std::string_view> table) {
+  std::vector<EffectParameter> out{amplitude, scale};
+  add_weights(table, out);
+  add_weights(play_weights, out);
   return out;
 }
 
@@ -95,6 +118,39 @@ class Reader {
  private:
   Values<T> values_;
   std::size_t at_ = 0;
+};
+
+// u with one input alone.
+template <class T>
+class EmpiricalOperator {
+ public:
+  explicit EmpiricalOperator(Values<T> values) {
+    Reader<T> read(values);
+    read(amplitude_);
+    read(scale_);
+    read(table_);
+    read(play_);
+  }
+
+  const T& amplitude() const { return amplitude_; }
+  const T& scale() const { return scale_; }
+  const Plays<T>& plays() const { return plays_; }
+
+  void start() { plays_ = {}; }
+  T propose(const T& input) const {
+    const T e = input / scale_;
+    const auto plays = played(plays_, e);
+    T sum = from_table(table_, e) - table_[(field_knots - 1) / 2];
+    for (std::size_t j = 0; j < play_.size(); ++j) sum += play_[j] * plays[j];
+    return amplitude_ * sum;
+  }
+  void accept(const T& input) { plays_ = played(plays_, T(input / scale_)); }
+
+ private:
+  T amplitude_ = 0, scale_ = 1;
+  std::array<T, field_knots> table_;
+  Plays<T> play_;
+  Plays<T> plays_{};
 };
 
 // What the rest is.

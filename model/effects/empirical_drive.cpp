@@ -8,16 +8,10 @@ namespace {
 template <class T>
 class EmpiricalDrive final : public DriveStage<T> {
  public:
-  explicit EmpiricalDrive(Values<T> values) {
-    Reader<T> read(values);
-    read(amplitude_);
-    read(field_scale_);
-    read(field_);
-    read(play_);
-  }
+  explicit EmpiricalDrive(Values<T> values) : added_(values) {}
 
   T start(const T& field) override {
-    plays_ = {};
+    added_.start();
     return last_ = output(field);
   }
 
@@ -34,13 +28,13 @@ class EmpiricalDrive final : public DriveStage<T> {
   // Where in the piece the output bends, as shares of its duration. An amplitude of nothing leaves the pieces
   // as they are.
   std::vector<T> splits(const FieldPieceOf<T>& in) const {
-    if (amplitude_ == 0 || in.from == in.to) return {};
+    if (added_.amplitude() == 0 || in.from == in.to) return {};
     std::vector<T> bends;
-    const T from = in.from / field_scale_, change = (in.to - in.from) / field_scale_;
+    const T from = in.from / added_.scale(), change = (in.to - in.from) / added_.scale();
     const auto meet = [&](const T& e) { bends.push_back((e - from) / change); };
     for (std::size_t i = 0; i < field_knots; ++i) meet(-1 + 2.0 * static_cast<double>(i) / (field_knots - 1));
     for (std::size_t j = 0; j < play_radii.size(); ++j)
-      meet(plays_[j] + (change > 0 ? play_radii[j] : -play_radii[j]));
+      meet(added_.plays()[j] + (change > 0 ? play_radii[j] : -play_radii[j]));
     std::sort(bends.begin(), bends.end());
     // A piece of next to no length would only cost a step.
     constexpr double least = 1e-9;
@@ -56,19 +50,13 @@ class EmpiricalDrive final : public DriveStage<T> {
     last_ = to;
   }
 
-  // Moves the plays there.
   T output(const T& field) {
-    const T e = field / field_scale_;
-    plays_ = played(plays_, e);
-    T sum = from_table(field_, e) - field_[(field_knots - 1) / 2];
-    for (std::size_t j = 0; j < play_.size(); ++j) sum += play_[j] * plays_[j];
-    return field + amplitude_ * sum;
+    const T out = field + added_.propose(field);
+    added_.accept(field);
+    return out;
   }
 
-  T amplitude_ = 0, field_scale_ = 1;
-  std::array<T, field_knots> field_;
-  Plays<T> play_;
-  Plays<T> plays_{};
+  EmpiricalOperator<T> added_;
   T last_ = 0;
 };
 
@@ -80,7 +68,8 @@ Effect effect_empirical_drive() {
               "E_mon = E_cmd + u, an empirical table of the field and its past (empirical.h), fitted "
               "and not physics",
           .family = Family::drive,
-          .parameters = empirical_parameters({"amplitude", "V/m", 1e3, 1e6}, true),
+          .parameters = empirical_parameters({"amplitude", "V/m", 1e3, 1e6},
+                                             {"field_scale", "V/m", 1e5, 1e7, Sign::above_zero}, field_table),
           .shows = "field against command; all channels follow; stands for what has no name",
           .install =
               []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {

@@ -17,7 +17,7 @@ Mechanics<T>::Mechanics(const ModelOf<T>& model, PortsOf<T>& ports)
   const bool by_stress = std::any_of(ports.strain.begin(), ports.strain.end(),
                                      [](const auto& term) { return term->by_stress(); });
   linear_ = !by_stress && ports.spring_extension.empty() && ports.spring_hardening.empty() &&
-            !ports.prestress_factor && !ports.friction && !ports.inertia;
+            ports.spring.empty() && !ports.prestress_factor && !ports.friction && !ports.inertia;
   strain_at_rest_ = -material_.compliance_180 * load_.prestress;
   if (ports.inertia && !actuator_.passive_stiffness &&
       std::min(material_.compliance_180, material_.compliance_90) <= 0)
@@ -56,6 +56,7 @@ T Mechanics<T>::spring_force(const T& extension) const {
   for (const auto& f : ports_.spring_extension) seen = f(seen);
   T force = load_.spring_stiffness * seen;
   for (const auto& f : ports_.spring_hardening) force *= f(seen);
+  for (const auto& term : ports_.spring) force += load_.spring_stiffness * term->propose(extension);
   return force;
 }
 
@@ -91,6 +92,7 @@ void Mechanics<T>::start(MaterialState<T>& at) {
   if (!vanishes(at.ninety())) strain_at_rest_ += material_.remanent_strain_90 * at.ninety();
   last_extension_ = friction_state_ = T(0);
   for (auto& term : ports_.strain) term->start(at);
+  for (auto& term : ports_.spring) term->start();
   accept(0, at);
 }
 
@@ -274,6 +276,7 @@ void Mechanics<T>::accept(const T& h, MaterialState<T>& end) {
   const auto out = propose(h, end);
   if (ports_.inertia) moving_ = moved(h, end, out);
   for (auto& term : ports_.strain) term->accept(h, end);
+  for (auto& term : ports_.spring) term->accept(out.displacement);
   if (ports_.friction) friction_state_ = friction_state(out.displacement);
   last_extension_ = out.displacement;
 }

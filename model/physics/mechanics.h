@@ -8,6 +8,7 @@
 //   quasi-static  N = F_spring(x) + F_friction                                            N   (4.4)
 //   with a mass   m x'' + c x' + F_spring(x) + F_friction = N                             N   (4.3)
 //   load cell     F = sigma_pre(t) A + F_spring(x)                                        N
+//   spring        F_spring = k x, or what the spring's ports make of it                   N
 //
 // At rest: with the fractions of the start, +180 where nothing else is said. A bench is set up with the
 // specimen as it is then. Before time 0, in a specimen's past, the prestress has not begun to relax.

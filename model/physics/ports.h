@@ -63,6 +63,17 @@ class MaterialTerm {
   virtual void accept(const T& h, const MaterialState<T>& end) = 0;
 };
 
+// spring: a length added to the extension that the spring answers to, by where the extension has been.
+// Between two calls it does not turn.
+template <class T>
+class SpringTerm {
+ public:
+  virtual ~SpringTerm() = default;
+  virtual void start() = 0;                         // at no extension
+  virtual T propose(const T& extension) const = 0;  // m
+  virtual void accept(const T& extension) = 0;
+};
+
 // charge, displacement, force: what the sensor makes of the true value.
 template <class T>
 struct SensorInput {
@@ -114,6 +125,7 @@ struct PortsOf {
   // equilibrium
   std::vector<std::function<T(const T& extension)>> spring_extension;  // x that the spring sees, m
   std::vector<std::function<T(const T& extension)>> spring_hardening;  // factor on k x
+  std::vector<std::unique_ptr<SpringTerm<T>>> spring;                  // added to the x that gives k x, m
   std::function<T(const T& time)> prestress_factor;                    // sigma_pre(t) / sigma_pre
   std::optional<Friction<T>> friction;
   std::optional<Inertia<T>> inertia;

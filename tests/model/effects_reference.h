@@ -21,7 +21,8 @@ class Reference {
   };
 
   Reference(Model m, std::map<std::string, double> parameters) : m_(std::move(m)), p_(std::move(parameters)) {
-    for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate", "empirical_drive"})
+    for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate", "empirical_drive",
+                           "empirical_spring"})
       empirical_.emplace(id, PlainTerm(p_, id));
     domains_ = {{m_.material.barrier, of("internal_bias_field.field"), 1}};
     const double log_std = of("barrier_distribution.log_std"), std = of("interaction_field_distribution.std");
@@ -125,8 +126,10 @@ class Reference {
                                          : 0));
   }
   double spring(double x) const {
+    const double added =
+        has("empirical_spring.amplitude") ? empirical_.at("empirical_spring").beyond_rest_at(x) : 0;
     if (has("contact_gap.gap")) x = std::max(0.0, x - of("contact_gap.gap"));
-    return m_.load.spring_stiffness * x * (1 + of("spring_hardening.coefficient") * x);
+    return m_.load.spring_stiffness * (x * (1 + of("spring_hardening.coefficient") * x) + added);
   }
   double passive() const {
     return has("passive_layer_compliance.stiffness") ? 1 / of("passive_layer_compliance.stiffness") : 0;
@@ -179,7 +182,8 @@ class Reference {
 
   void start(double command) {
     command_ = monitor_ = field_ = command;
-    for (auto& [id, term] : empirical_) term.start(field_, order(), ninety());
+    for (auto& [id, term] : empirical_)
+      if (id != "empirical_spring") term.start(field_, order(), ninety());
     stress_ = -m_.load.prestress;
     stress_ = balance(field_);
     x_ = extension(field_, stress_);
@@ -230,6 +234,7 @@ class Reference {
       empirical_.at(id).step(dt, field_, order(), ninety());
     stress_ = balance(field_);
     if (!has("stage_inertia.mass")) x_ = extension(field_, stress_);
+    empirical_.at("empirical_spring").step(dt, x_, 1, 0);
     if (has("guide_friction.force")) {
       const double moved = x_ - x_before;
       dahl_ += ((moved > 0 ? 1 : -1) - dahl_) * std::abs(moved) / of("guide_friction.presliding_distance");

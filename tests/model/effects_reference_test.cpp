@@ -49,7 +49,8 @@ const std::vector<Case> cases{
     {"empirical_strain", empirical_values("empirical_strain", 5e-5, 0.05)},
     {"empirical_polarization", empirical_values("empirical_polarization", 2e-2, 0.05)},
     {"empirical_rate", empirical_values("empirical_rate", 1e5, 0.05)},
-    {"empirical_drive", empirical_values("empirical_drive", 1e5, 0.05)}};
+    {"empirical_drive", empirical_values("empirical_drive", 1e5, 0.05)},
+    {"empirical_spring", empirical_values("empirical_spring", 1e-6, 0)}};
 
 class AgainstTinySteps : public testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(Effects, AgainstTinySteps, testing::ValuesIn(cases),

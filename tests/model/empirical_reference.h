@@ -21,10 +21,11 @@ class PlainTerm {
     const auto read = [&](const std::string& name, auto& weights) {
       for (std::size_t i = 0; i < weights.size(); ++i) weights[i] = of(name + "_" + std::to_string(i));
     };
+    const std::string input = id == "empirical_spring" ? "extension" : "field";
     amplitude_ = of("amplitude");
-    field_scale_ = of("field_scale");
+    field_scale_ = of(input + "_scale");
     time_constant_ = of("time_constant");
-    read("field", field_);
+    read(input, field_);
     read("order", by_order_);
     read("ninety", by_ninety_);
     read("play", by_play_);
@@ -45,6 +46,12 @@ class PlainTerm {
       for (std::size_t k = 0; k < 3; ++k) lag_[k] += dt / time_constant_ * (now_[k] - lag_[k]);
   }
 
+  // What a term with one input alone gives once its input has gone on to `input`.
+  double beyond_rest_at(double input) const {
+    auto there = *this;
+    there.step(0, input, 1, 0);
+    return there.beyond(0, 0, 0);
+  }
   double beyond_start() const { return value() - at_start_; }
   // What it would be if it had been so for ever, with the plays in the middle.
   double beyond(double e, double order, double ninety) const {
@@ -95,10 +102,11 @@ inline Parameters empirical_values(const std::string& id, double amplitude, doub
   for (const auto& p : find_effect(id).parameters) {
     const std::string name(p.name);
     const double weight = 0.9 * std::sin(2.3 * ++i + 0.4);
-    out.emplace_back(name, name == "amplitude"       ? amplitude
-                           : name == "field_scale"   ? 1.87e6
-                           : name == "time_constant" ? time_constant
-                                                     : weight);
+    out.emplace_back(name, name == "amplitude"         ? amplitude
+                           : name == "field_scale"     ? 1.87e6
+                           : name == "extension_scale" ? 1.1e-5
+                           : name == "time_constant"   ? time_constant
+                                                       : weight);
   }
   return out;
 }

@@ -17,10 +17,11 @@ constexpr std::array radii{0.05, 0.1, 0.2, 0.35, 0.5, 0.75};
 std::vector<double> values_of(const std::string& id, const Parameters& given) {
   std::vector<double> out;
   for (const auto& p : find_effect(id).parameters) {
-    out.push_back(p.name == "amplitude"       ? 1
-                  : p.name == "field_scale"   ? scale
-                  : p.name == "time_constant" ? 1
-                                              : 0);
+    out.push_back(p.name == "amplitude"         ? 1
+                  : p.name == "field_scale"     ? scale
+                  : p.name == "extension_scale" ? 1e-5
+                  : p.name == "time_constant"   ? 1
+                                                : 0);
     for (const auto& [name, value] : given)
       if (name == p.name) out.back() = value;
   }
@@ -250,10 +251,39 @@ TEST(EmpiricalDrive, ActsFromTheFirstSample) {
   for (const double e : out.field) EXPECT_NEAR(e, 5.1e5, 1e-6);
 }
 
+// The load cell sees k (x + u), with u by where x has been; a memory that went along with steps that were
+// only tried would show.
+TEST(EmpiricalSpring, TheForceFollowsTheWayOfTheExtension) {
+  const auto values = empirical_values("empirical_spring", 1e-6, 0);
+  std::map<std::string, double> plain;
+  for (const auto& [name, value] : values) plain["empirical_spring." + name] = value;
+  const auto m = with(crystal(), "empirical_spring", values);
+  PlainTerm term(plain, "empirical_spring");
+  const auto out = run(m, loop());
+  double most = 0;
+  for (std::size_t i = 0; i < out.force.size(); ++i) {
+    term.step(0, out.displacement[i], 1, 0);
+    const double u = term.beyond(0, 0, 0), expected = m.load.prestress * m.actuator.area +
+                                                      m.load.spring_stiffness * (out.displacement[i] + u);
+    most = std::max(most, std::abs(m.load.spring_stiffness * u));
+    EXPECT_NEAR(out.force[i], expected, 1e-3 * m.load.spring_stiffness * 1e-6) << i;
+  }
+  EXPECT_GT(most, 1);
+}
+
+TEST(EmpiricalSpring, WithoutAnySpringIsNothing) {
+  auto m = crystal();
+  m.load.spring_stiffness = 0;
+  const auto off = run(m, loop()),
+             on = run(with(m, "empirical_spring", empirical_values("empirical_spring", 1e-6, 0)), loop());
+  EXPECT_LT(apart(off.displacement, on.displacement), 1e-9);
+  EXPECT_LT(apart(off.charge, on.charge), 1e-9);
+}
+
 class EachEmpirical : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Empirical, EachEmpirical,
                          testing::Values("empirical_strain", "empirical_polarization", "empirical_rate",
-                                         "empirical_drive"),
+                                         "empirical_drive", "empirical_spring"),
                          [](const auto& i) { return i.param; });
 
 // Not a bit of any channel moves, whatever the weights are, alone and beside effects that are solved for.
@@ -316,6 +346,12 @@ TEST(EmpiricalPicture, HasWhatTheTableAddsInItsUnit) {
       {"empirical_drive", named("empirical_drive", {{"amplitude", 1e4}, {"play_0", 1}})});
   ASSERT_EQ(drive.series.size(), 1U);
   EXPECT_NEAR(at_top(drive.series[0])[1], 1e-2 * 0.95, 1e-9);
+  const auto spring = picture_of_empirical(
+      {"empirical_spring", named("empirical_spring", {{"amplitude", 2e-6}, {"extension_8", 3}})});
+  ASSERT_EQ(spring.series.size(), 1U);
+  EXPECT_EQ(spring.x_label, "displacement [µm]");
+  EXPECT_NEAR(at_top(spring.series[0])[0], 10, 1e-9);
+  EXPECT_NEAR(at_top(spring.series[0])[1], 6, 1e-9);
 }
 
 }  // namespace

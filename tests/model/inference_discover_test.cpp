@@ -300,6 +300,18 @@ TEST(Discrepancy, WhatHasNoNameIsNarrowed) {
   EXPECT_NO_THROW(model_from_json(to_json(found.improved)));
 }
 
+// A spring that bends, and a search that may not name it: the table at the spring stands for it.
+TEST(Discrepancy, ASpringWithoutANameIsNarrowed) {
+  auto bench = real_bench();
+  bench.effects.push_back({"spring_hardening", {{"coefficient", 1e4}}});
+  const auto found = discover(given(), measure(bench), {.candidates = {"displacement_clipping"}});
+  ASSERT_EQ(found.verdict, Verdict::unknown) << text_report(found);
+  ASSERT_FALSE(found.added.empty()) << text_report(found);
+  EXPECT_EQ(found.added.front().term.id, "empirical_spring") << text_report(found);
+  EXPECT_GT(found.share_held_out, 0.9) << text_report(found);
+  EXPECT_NO_THROW(model_from_json(to_json(found.improved)));
+}
+
 // A smaller gap beside instruments that are a few percent off: what narrows it goes by noise, with what was
 // recalibrated, and leaves no more in any channel, learned or locked, than stood before.
 TEST(Discrepancy, NarrowingASmallGapKeepsTheInstruments) {

@@ -155,7 +155,8 @@ TEST(Slopes, OfAnEmpiricalRateBesideDragAndResistance) {
 
 // A fit begins with weights of zero, where the values need no coupling that the slopes need.
 TEST(Slopes, ByTheWeightsOfAnEmpiricalTermAtZero) {
-  for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate", "empirical_drive"}) {
+  for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate", "empirical_drive",
+                         "empirical_spring"}) {
     SCOPED_TRACE(id);
     std::vector<CheckedParameter> parameters;
     auto values = empirical_values(id, find_effect(id).parameters[0].high / 10, 0.07);

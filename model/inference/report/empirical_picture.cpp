@@ -23,9 +23,8 @@ std::vector<double> cycle(double scale) {
   return out;
 }
 
-void put(recordings::Series& to, std::size_t i, double field, double added, double scale) {
-  if (i >= 4 * static_cast<std::size_t>(steps))
-    to.points.push_back({picture_axis(recordings::Channel::field).scale * field, scale * added});
+void put(recordings::Series& to, std::size_t i, double x, double y) {
+  if (i >= 4 * static_cast<std::size_t>(steps)) to.points.push_back({x, y});
 }
 
 recordings::Series along(MaterialTerm<double>& term, const std::vector<double>& fields, double slow,
@@ -35,7 +34,7 @@ recordings::Series along(MaterialTerm<double>& term, const std::vector<double>& 
   for (std::size_t i = 0; i < fields.size(); ++i) {
     at.time += slow;
     at.field = fields[i];
-    put(out, i, at.field, term.propose(slow, at), scale);
+    put(out, i, picture_axis(recordings::Channel::field).scale * at.field, scale * term.propose(slow, at));
     term.accept(slow, at);
   }
   return out;
@@ -48,8 +47,18 @@ recordings::Series along(DriveStage<double>& stage, const std::vector<double>& f
   for (std::size_t i = 0; i < fields.size(); ++i) {
     std::vector<FieldPiece> pieces;
     stage.transform({1, from, fields[i]}, pieces);
-    put(out, i, fields[i], pieces.back().to - fields[i], scale);
+    put(out, i, scale * fields[i], scale * (pieces.back().to - fields[i]));
     from = fields[i];
+  }
+  return out;
+}
+
+recordings::Series along(SpringTerm<double>& term, const std::vector<double>& extensions, double scale) {
+  recordings::Series out{.label = "added to the extension", .points = {}};
+  term.start();
+  for (std::size_t i = 0; i < extensions.size(); ++i) {
+    put(out, i, scale * extensions[i], scale * term.propose(extensions[i]));
+    term.accept(extensions[i]);
   }
   return out;
 }
@@ -66,17 +75,17 @@ constexpr std::array states{State{"poled towards +", 1, 0}, State{"poled towards
 recordings::Figure picture_of_empirical(const EffectSetting& setting) {
   const auto& effect = find_effect(setting.id);
   std::vector<double> values;
-  double field_scale = 1, time_constant = 1;
+  double input_scale = 1, time_constant = 1;
   for (const auto& p : effect.parameters) {
     const auto given = std::ranges::find(setting.parameters, p.name, [](const auto& v) { return v.first; });
     values.push_back(given == setting.parameters.end() ? 0 : given->second);
-    if (p.name == "field_scale") field_scale = values.back();
+    if (p.name.ends_with("_scale")) input_scale = values.back();
     if (p.name == "time_constant") time_constant = values.back();
   }
   Model unused;
   Ports ports;
   effect.install(values, unused, ports);
-  const auto fields = cycle(field_scale);
+  const auto inputs = cycle(input_scale);
   const auto field_axis = picture_axis(recordings::Channel::field);
   recordings::Figure out{.title = "What " + setting.id + " adds along a slow cycle of the field",
                          .x_label = "field [kV/mm]",
@@ -95,12 +104,21 @@ recordings::Figure picture_of_empirical(const EffectSetting& setting) {
     out.y_label = "added polarization [C/m²]";
     scale = 1;
   }
+  if (!ports.spring.empty()) {
+    const auto axis = picture_axis(recordings::Channel::displacement);
+    out.title =
+        "What " + setting.id + " adds to the extension that its spring answers to, along a slow cycle";
+    out.x_label = axis.label;
+    out.y_label = "added extension [µm]";
+    for (const auto& term : ports.spring) out.series.push_back(along(*term, inputs, axis.scale));
+    return out;
+  }
   constexpr double many_time_constants = 1e3;
   for (const auto& term : *terms)
     for (const auto& s : states)
-      out.series.push_back(along(*term, fields, many_time_constants * time_constant,
+      out.series.push_back(along(*term, inputs, many_time_constants * time_constant,
                                  {.plus = s.plus, .minus = s.minus}, s.label, scale));
-  for (const auto& stage : ports.drive) out.series.push_back(along(*stage, fields, scale));
+  for (const auto& stage : ports.drive) out.series.push_back(along(*stage, inputs, scale));
   return out;
 }
 

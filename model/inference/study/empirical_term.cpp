@@ -25,6 +25,43 @@ double largest_error(recordings::Channel channel, const std::vector<BenchRecordi
   return out;
 }
 
+double largest_field(const std::vector<BenchRecording>& bench) {
+  double out = 0;
+  for (const auto& r : bench)
+    for (const double e : r.knot_field) out = std::max(out, std::abs(e));
+  return out;
+}
+
+// By which the springs of `chosen` would be longer or shorter, as the force says or, without one, the
+// displacement.
+double extension_error(const std::vector<BenchRecording>& bench, const std::vector<std::size_t>& chosen,
+                       const std::vector<std::vector<NoiseModel>>& noise) {
+  double out = 0;
+  for (const std::size_t r : chosen) {
+    const double stiffness = bench[r].header.load.spring_stiffness;
+    if (!(stiffness > 0)) continue;
+    const double by_force = largest_error(recordings::Channel::force, bench, {r}, noise) / stiffness;
+    out = std::max(
+        out, by_force > 0 ? by_force : largest_error(recordings::Channel::displacement, bench, {r}, noise));
+  }
+  return out;
+}
+
+// As far as any spring went, by the range of what was measured, which holds the place of the start.
+double largest_extension(const std::vector<BenchRecording>& bench) {
+  double out = 0;
+  for (const auto& r : bench) {
+    const double stiffness = r.header.load.spring_stiffness;
+    if (!(stiffness > 0)) continue;
+    for (const auto& m : r.channels)
+      if (m.channel == recordings::Channel::displacement)
+        out = std::max(out, m.range);
+      else if (m.channel == recordings::Channel::force)
+        out = std::max(out, m.range / stiffness);
+  }
+  return out;
+}
+
 }  // namespace
 
 std::vector<const Effect*> empirical_terms() {
@@ -34,26 +71,24 @@ std::vector<const Effect*> empirical_terms() {
   return out;
 }
 
-double largest_field(const std::vector<BenchRecording>& bench) {
-  double out = 0;
-  for (const auto& r : bench)
-    for (const double e : r.knot_field) out = std::max(out, std::abs(e));
-  return out;
-}
-
-double term_amplitude(const Effect& term, const Model& model, const std::vector<BenchRecording>& bench,
-                      const std::vector<std::size_t>& chosen,
-                      const std::vector<std::vector<NoiseModel>>& noise) {
+std::vector<double> held_numbers(const Effect& term, const Model& model,
+                                 const std::vector<BenchRecording>& bench,
+                                 const std::vector<std::size_t>& chosen,
+                                 const std::vector<std::vector<NoiseModel>>& noise) {
   using recordings::Channel;
   const auto& a = model.actuator;
+  const double field = largest_field(bench);
   switch (term.family) {
     case Family::strain:
-      return largest_error(Channel::displacement, bench, chosen, noise) / a.length;
+      return {largest_error(Channel::displacement, bench, chosen, noise) / a.length, field};
     case Family::polarization:
-      return largest_error(Channel::charge, bench, chosen, noise) /
-             (a.area * static_cast<double>(a.layer_count));
+      return {largest_error(Channel::charge, bench, chosen, noise) /
+                  (a.area * static_cast<double>(a.layer_count)),
+              field};
+    case Family::equilibrium:
+      return {extension_error(bench, chosen, noise), largest_extension(bench)};
     default:
-      return share_of_field * largest_field(bench);
+      return {share_of_field * field, field};
   }
 }
 

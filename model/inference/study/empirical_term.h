@@ -15,15 +15,14 @@ namespace ferrobench::model::inference {
 
 std::vector<const Effect*> empirical_terms();
 
-// V/m; the term's field_scale, as its tables are level beyond.
-double largest_field(const std::vector<BenchRecording>& bench);
-
-// What a weight of 1 adds at the term's port: as much as the model misses of the channel that shows it, in
-// the recordings `chosen`, or a twentieth of the largest field. 0 where nothing was measured that would show
-// it.
-double term_amplitude(const Effect& term, const Model& model, const std::vector<BenchRecording>& bench,
-                      const std::vector<std::size_t>& chosen,
-                      const std::vector<std::vector<NoiseModel>>& noise);
+// The first numbers of a term, which a fit holds: its amplitude, what a weight of 1 adds at its port, is as
+// much as the model misses in the recordings `chosen` of the channel that shows it, or a twentieth of the
+// largest field; its scale, beyond which its tables are level, is the largest field or the largest extension
+// of a spring. An amplitude of 0: nothing was measured that would show it.
+std::vector<double> held_numbers(const Effect& term, const Model& model,
+                                 const std::vector<BenchRecording>& bench,
+                                 const std::vector<std::size_t>& chosen,
+                                 const std::vector<std::vector<NoiseModel>>& noise);
 
 // With the term. Its first numbers are held at `fixed`; the others, its weights, stand at zero with a normal
 // prior of the standard deviation `width`.

@@ -320,16 +320,13 @@ class Improver {
 
   // The term at the port where the model becomes likeliest, if it holds on the locked recordings.
   bool add_empirical(Place& at, std::vector<const Effect*>& ports) {
-    const double scale = largest_field(*task_.bench);
     std::vector<TriedTerm> tried;
     for (const auto* term : ports) {
       ++tables_tried_;
-      const double amplitude =
-          term_amplitude(*term, fit_.hypothesis.model, *task_.bench, task_.train, noise_);
-      if (amplitude > 0)
+      const auto held = held_numbers(*term, fit_.hypothesis.model, *task_.bench, task_.train, noise_);
+      if (held.front() > 0)
         tried.push_back(fit_empirical(
-            residuals(), fit_, *term, {amplitude, scale},
-            [this](const Fit& with) { return log_likelihood_ratio(with); },
+            residuals(), fit_, *term, held, [this](const Fit& with) { return log_likelihood_ratio(with); },
             solver(6, "fitting " + std::string(term->id))));
     }
     std::ranges::stable_sort(tried, std::greater<>(), &TriedTerm::evidence);
