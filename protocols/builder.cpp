@@ -95,7 +95,7 @@ void Builder::hold(double time, std::string_view label) {
 }
 
 void Builder::sine(double center, double amplitude, double frequency, double cycles, double phase,
-                   std::string_view label) {
+                   std::string_view label, double samples) {
   Piece piece{.kind = PieceKind::sine,
               .duration = cycles / frequency,
               .from = level_,
@@ -103,7 +103,8 @@ void Builder::sine(double center, double amplitude, double frequency, double cyc
               .center = center,
               .amplitude = amplitude,
               .frequency = frequency,
-              .phase = phase};
+              .phase = phase,
+              .sampling = samples * frequency};
   add(piece, piece.max_slew(), label);
 }
 

@@ -25,14 +25,15 @@ class Builder {
   void ramp_to(double to, double rate, std::string_view label);
   void ramp_in(double to, double time, std::string_view label);
   void hold(double time, std::string_view label);
-  // phase in radians. The program must be at the sine's first level.
+  // phase in radians. The program must be at the sine's first level. samples: the fewest a cycle, 0: any.
   void sine(double center, double amplitude, double frequency, double cycles, double phase,
-            std::string_view label);
+            std::string_view label, double samples = 0);
 
   // Running numbers in the whole program, from 1.
   std::string next_ramp() { return std::to_string(++ramps_); }
   std::string next_hold() { return std::to_string(++holds_); }
   std::string next_reversal() { return std::to_string(++reversals_); }
+  std::string next_bias() { return std::to_string(++biases_); }
 
   Waveform finish() { return {std::move(pieces_), std::move(segments_), std::move(unit_)}; }
 
@@ -44,7 +45,7 @@ class Builder {
   double level_;
   double time_ = 0;
   std::size_t steps_ = 0;
-  int ramps_ = 0, holds_ = 0, reversals_ = 0;
+  int ramps_ = 0, holds_ = 0, reversals_ = 0, biases_ = 0;
   std::string path_, prefix_;
   std::vector<Piece> pieces_;
   std::vector<Segment> segments_;

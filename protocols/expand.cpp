@@ -106,6 +106,17 @@ void play(const Pund& s, const Node& node, const std::string& prefix, Builder& b
   }
 }
 
+void play(const SmallSignal& s, const Node& node, const std::string& prefix, Builder& b) {
+  b.enter(node.path, before(node, prefix));
+  for (const double level : s.levels) {
+    const auto name = "bias " + b.next_bias();
+    b.ramp_to(level, s.rate, name + b.direction(level));
+    b.hold(s.settle, name + " settle");
+    b.sine(b.level(), s.amplitude, s.frequency, static_cast<double>(s.cycles), 0, name + " sine",
+           small_signal_samples);
+  }
+}
+
 void play(const Points& s, const Node& node, const std::string& prefix, Builder& b) {
   b.enter(node.path, before(node, prefix));
   const auto& rows = *s.points;

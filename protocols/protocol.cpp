@@ -51,7 +51,15 @@ double round_up(double x) {
 
 Protocol Protocol::from_json(const nlohmann::json& given) {
   const auto program = valid_program(given);
-  play(program, as_written(program));
+  const double fewest = play(program, as_written(program)).sampling();
+  if (const auto rate = program.header.sample_rate; rate && *rate < fewest * (1 - 1e-9))
+    throw Error(ErrorCode::bad_protocol, "the protocol is sampled too slowly",
+                Problem{.path = "/sample_rate_Hz",
+                        .message = "does not resolve the sine of its small-signal segments",
+                        .given = *rate,
+                        .allowed = {{"from", fewest}},
+                        .unit = "Hz",
+                        .hint = "sample faster, lower the frequency, or leave it out"});
   Protocol protocol;
   protocol.json_ = given;
   return protocol;
@@ -95,7 +103,8 @@ std::optional<double> Protocol::sample_rate() const {
   const auto waveform = play(program, as_written(program));
   const double sweep = waveform.maximum() - waveform.minimum();
   if (sweep == 0) return std::nullopt;
-  return round_up(std::clamp(samples_per_sweep * waveform.max_slew() / sweep, 1.0, 1e5));
+  return round_up(
+      std::max(std::clamp(samples_per_sweep * waveform.max_slew() / sweep, 1.0, 1e5), waveform.sampling()));
 }
 
 std::optional<Past> Protocol::past() const {

@@ -53,7 +53,8 @@ class Protocol {
   const nlohmann::json& json() const { return json_; }
   std::string name() const;
   std::string title() const;
-  // Hz. If the file names none: 500 samples or more on a sweep over the whole range at the largest slew.
+  // Hz. If the file names none: 500 samples or more on a sweep over the whole range at the largest slew, and
+  // as many as small signals need.
   std::optional<double> sample_rate() const;
   std::optional<double> layer_thickness() const;  // m
   ProtocolLoad load() const;

@@ -44,6 +44,9 @@ void relate(json& s, const Pund&) {
   s["oneOf"] = exactly_one({"rise", "rate"});
   s["properties"]["amplitude"]["not"] = {{"const", 0}};
 }
+void relate(json& s, const SmallSignal&) {
+  s["properties"]["levels"]["minItems"] = 1;
+}
 void relate(json& s, const Points&) {
   s["oneOf"] = exactly_one({"points", "csv"});
   auto& points = s["properties"]["points"];

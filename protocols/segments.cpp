@@ -63,6 +63,11 @@ void check_values(const Pund& s, const Place& place) {
   if (s.amplitude == 0) place.add("amplitude", {.message = "must not be zero", .given = 0});
 }
 
+void check_keys(SmallSignal&, const Place&) {}
+void check_values(const SmallSignal& s, const Place& place) {
+  if (s.levels.empty()) place.add("levels", {.message = "has no bias level"});
+}
+
 void check_keys(Reversals&, const Place& place) {
   place.exactly_one("points", "count");
   for (const auto key : {"first", "last"}) {

@@ -154,6 +154,40 @@ void describe(Visitor& visit, Pund& s) {
   visit("rate", s.rate, rate_info("of each slope; or give rise"));
 }
 
+// The small-signal response at bias levels: at each of them a ramp there, a stay, then the bias plus
+// amplitude sin(2 pi frequency t) for whole cycles, which begins and ends at the bias. The sine must be
+// sampled small_signal_samples times a cycle at least: the output goes linearly between samples, by which
+// what lags behind the field is off by (pi / samples)^2 / 3 at the most, 0.8 % of itself at that number, and
+// the third harmonic is still well below half the sampling rate.
+struct SmallSignal {
+  static constexpr std::string_view kind = "small_signal";
+  std::vector<double> levels;
+  double rate = 0, settle = 0, amplitude = 0, frequency = 0;
+  std::int64_t cycles = 20;
+};
+inline constexpr double small_signal_samples = 20;
+template <class Visitor>
+void describe(Visitor& visit, SmallSignal& s) {
+  visit("levels", s.levels, level_info("bias levels, in the order in which they are gone to", true));
+  visit("rate", s.rate, rate_info("of the ramps between bias levels", true));
+  visit("settle", s.settle, time_info("stay at each bias before its sine", true));
+  visit("amplitude", s.amplitude,
+        {.unit = level_unit,
+         .min = 0,
+         .max = 1e6,
+         .exclusive_min = true,
+         .required = true,
+         .doc = "peak of the sine minus bias"});
+  visit("frequency", s.frequency,
+        {.unit = "Hz",
+         .min = 1e-9,
+         .max = 1e6,
+         .required = true,
+         .doc = "of the sine; 20 samples a cycle are the fewest"});
+  visit("cycles", s.cycles,
+        {.min = 3, .max = 1e6, .doc = "of the sine at each bias; the first one is not evaluated"});
+}
+
 // Straight lines through [time, level] pairs, times from the start of the segment and rising. `csv` gives
 // them as text: two columns, time and level, after at most one line of names. If the program is not at the
 // first level it ramps there until the first time; where that is 0, ahead of it and as fast as the steepest
@@ -183,7 +217,7 @@ void describe(Visitor& visit, Repeat& s) {
   visit("segments", s.segments, {.required = true, .doc = "what is repeated"});
 }
 
-using Body = std::variant<Ramp, Hold, Repeat, Reversals, Triangle, Sine, Pund, Points>;
+using Body = std::variant<Ramp, Hold, Repeat, Reversals, Triangle, Sine, Pund, SmallSignal, Points>;
 
 struct Node {
   std::string path;   // JSON pointer into the protocol

@@ -132,6 +132,12 @@ double Waveform::max_slew() const {
   return slew;
 }
 
+double Waveform::sampling() const {
+  double most = 0;
+  for (const auto& piece : pieces_) most = std::max(most, piece.sampling);
+  return most;
+}
+
 SampledWaveform::SampledWaveform(Waveform waveform, double rate)
     : waveform_(std::move(waveform)), rate_(rate) {
   if (!(rate > 0) || !std::isfinite(rate)) throw std::invalid_argument("a sample rate must be above zero");

@@ -26,6 +26,7 @@ struct Piece {
   double from = 0;      // V/m
   double to = 0;        // V/m
   double center = 0, amplitude = 0, frequency = 0, phase = 0;
+  double sampling = 0;                                  // S/s, the fewest that resolve it; 0: any do
   std::shared_ptr<const std::vector<double>> levels{};  // V/m, two or more
 
   double value(double time_from_start_of_program) const;
@@ -67,6 +68,7 @@ class Waveform {
   double value(double time) const;          // V/m; before the start the first value, after the end the last
   double minimum() const, maximum() const;  // V/m, exact
   double max_slew() const;                  // V/m/s; infinite if the level jumps between two pieces
+  double sampling() const;                  // S/s, the fewest that resolve every piece; 0: any do
 
  private:
   std::vector<Piece> pieces_;

@@ -23,7 +23,7 @@
 
 namespace ferrobench::bench {
 
-inline constexpr std::uint16_t version = 2;  // 2: a past has a degree of poling
+inline constexpr std::uint16_t version = 3;  // 2: a past has a degree of poling; 3: a piece its sampling
 inline constexpr std::size_t head_bytes = 12;
 inline constexpr std::uint32_t most_payload = 1u << 30;  // a program of 10^8 samples
 

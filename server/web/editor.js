@@ -177,6 +177,7 @@ export class Editor {
   #fresh(kind) {
     return { ramp: { kind, to: 0, rate: 1 }, hold: { kind, time: 1 }, triangle: { kind, low: -1, high: 1, rate: 1, cycles: 1 },
       sine: { kind, amplitude: 0.5, frequency: 1, cycles: 1 }, pund: { kind, amplitude: 1, width: 0.1, delay: 0.1, rate: 10 },
+      small_signal: { kind, levels: [1, 0, -1], rate: 1, settle: 1, amplitude: 0.02, frequency: 10 },
       points: { kind, points: [[0, 0], [1, 1]] }, reversals: { kind, points: [0], rate: 1, back_to: 1 },
       repeat: { kind, count: 2, segments: [{ kind: "hold", time: 1 }] } }[kind] ?? { kind };
   }

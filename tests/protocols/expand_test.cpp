@@ -155,6 +155,36 @@ TEST(Pund, IsAPresetThenTwoUpAndTwoDown) {
   EXPECT_EQ(w.segments()[19].label, "pulse D delay");
 }
 
+TEST(SmallSignal, IsAStaircaseWithASineOnEachStep) {
+  const json steps = {{"kind", "small_signal"}, {"levels", {1, 0.5, 0.5}}, {"rate", 2},  {"settle", 3},
+                      {"amplitude", 0.1},       {"frequency", 4},          {"cycles", 8}};
+  const auto w = expanded(json::array({steps}));
+  EXPECT_THAT(corner_levels(w), near({0, 1, 1, 1, 0.5, 0.5, 0.5, 0.5, 0.5}));
+  EXPECT_THAT(durations(w), near({0.5, 3, 2, 0.25, 3, 2, 3, 2}));
+  EXPECT_THAT(labels(w), ElementsAre("bias 1 up", "bias 1 settle", "bias 1 sine", "bias 2 down",
+                                     "bias 2 settle", "bias 2 sine", "bias 3 settle", "bias 3 sine"));
+  EXPECT_NEAR(w.value(3.5 + 1.0 / 16), 1.1e6, 1e-3) << "rises from the bias";
+  EXPECT_NEAR(w.maximum(), 1.1e6, 1e-3);
+  EXPECT_NEAR(w.sampling(), 80, 1e-9);
+}
+
+TEST(SmallSignal, BringsASampleRateThatResolvesIt) {
+  json given = program({{{"kind", "small_signal"},
+                         {"levels", {1, -1}},
+                         {"rate", 0.01},
+                         {"settle", 1},
+                         {"amplitude", 1e-6},
+                         {"frequency", 100}}});
+  EXPECT_GE(Protocol::from_json(given).sample_rate().value(), 2000);
+  given["sample_rate_Hz"] = 2000;
+  EXPECT_EQ(Protocol::from_json(given).sample_rate(), 2000);
+  given["sample_rate_Hz"] = 1999;
+  const auto problems = validate(given);
+  ASSERT_EQ(problems.size(), 1U);
+  EXPECT_EQ(problems[0].path, "/sample_rate_Hz");
+  EXPECT_EQ(problems[0].allowed["from"], 2000);
+}
+
 TEST(Points, GoStraightFromOneToTheNext) {
   const json rows = {{0, 0}, {1, 2}, {3, 2}, {4, -1}};
   const auto w = expanded({{{"kind", "points"}, {"points", rows}}});

@@ -115,6 +115,12 @@ TEST(Hostile, WrongTypesAnywhereAreHandled) {
                {{"kind", "triangle"}, {"low", 0}, {"high", 1}, {"frequency", 1}, {"first", "down"}},
                {{"kind", "sine"}, {"amplitude", 1}, {"frequency", 1}},
                {{"kind", "pund"}, {"amplitude", 1}, {"width", 1}, {"delay", 1}, {"rise", 1}},
+               {{"kind", "small_signal"},
+                {"levels", {1, -1}},
+                {"rate", 1},
+                {"settle", 1},
+                {"amplitude", 0.1},
+                {"frequency", 10}},
                {{"kind", "points"}, {"points", {{0, 1}, {1, 2}}}},
                {{"kind", "points"}, {"csv", "0,1\n1,2\n"}},
                {{"kind", "repeat"}, {"count", 2}, {"segments", {{{"kind", "hold"}, {"time", 1}}}}}});

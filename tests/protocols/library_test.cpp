@@ -39,6 +39,15 @@ const std::vector<double> sixteen{0.5,   0,     -0.3, -0.35, -0.38, -0.4, -0.42,
 const std::vector<double> six{0, -0.45, -0.5, -0.55, -0.8, -1.5};
 const std::vector<double> volts{125, 100, 75, 50, 25, 0};
 
+// At each bias: there, at the end of its stay, and after its sine.
+std::vector<double> biases() {
+  std::vector<double> out{0};
+  for (int tenths = 15; tenths >= -15; --tenths) out.insert(out.end(), 3, tenths / 10.0);
+  for (int tenths = -14; tenths <= 15; ++tenths) out.insert(out.end(), 3, tenths / 10.0);
+  out.push_back(0);
+  return out;
+}
+
 const std::map<std::string, Expected> expected{
     {"full-loops", {{1.5, -1.5, 1.5, -1.5, 1.5}, 1, 0}},
     {"stroke-against-rate-actuator-range", {{0, 1.5, 0, 1.5, 0}, 0.05, 0}},
@@ -49,6 +58,7 @@ const std::map<std::string, Expected> expected{
     {"creep-6-holds-stiff-spring", {holds(1.5, six), 0.1, 15}},
     {"creep-6-holds-slow", {holds(1.5, six), 0.1, 15}},
     {"creep-6-holds-fast", {holds(1.5, six), 1, 15}},
+    {"small-signal", {biases(), 2, 1}},
     {"stage-full-range", {{0, 150, 0, 150, 0}, 5, 0}},
     {"stage-first-order-loops", {loops(150, volts, true), 5, 5}},
     {"stage-second-order-loops", {{150, 0, 25, 0, 50, 0, 75, 0, 100, 0, 125, 0, 150, 0}, 5, 0}},

@@ -28,7 +28,7 @@ double time() {
 json random_segments(int depth);
 
 json random_segment(int depth) {
-  switch (*rc::gen::inRange(0, depth < 2 ? 8 : 7)) {
+  switch (*rc::gen::inRange(0, depth < 2 ? 9 : 8)) {
     case 0:
       return {{"kind", "ramp"}, {"to", level()}, {"rate", rate()}};
     case 1:
@@ -50,6 +50,14 @@ json random_segment(int depth) {
     case 6:
       return {
           {"kind", "pund"}, {"amplitude", time()}, {"width", time()}, {"delay", time()}, {"rate", rate()}};
+    case 7:
+      return {{"kind", "small_signal"},
+              {"levels", {level(), level()}},
+              {"rate", rate()},
+              {"settle", time()},
+              {"amplitude", time()},
+              {"frequency", rate()},
+              {"cycles", *rc::gen::inRange(3, 6)}};
     default:
       return {
           {"kind", "repeat"}, {"count", *rc::gen::inRange(1, 4)}, {"segments", random_segments(depth + 1)}};

@@ -42,6 +42,13 @@ std::vector<json> documents() {
       {{"kind", "triangle"}, {"low", 0}, {"high", 1}, {"frequency", 1}, {"cycles", 2}, {"first", "down"}},
       {{"kind", "sine"}, {"amplitude", 1}, {"frequency", 1}, {"cycles", 1.5}, {"phase", 90}},
       {{"kind", "pund"}, {"amplitude", -1}, {"width", 1}, {"delay", 1}, {"rise", 1}},
+      {{"kind", "small_signal"},
+       {"levels", {1, -1}},
+       {"rate", 1},
+       {"settle", 1},
+       {"amplitude", 0.1},
+       {"frequency", 10},
+       {"cycles", 5}},
       {{"kind", "points"}, {"points", {{0, 1}, {1, 2}}}},
       {{"kind", "points"}, {"csv", "0,1\n1,2\n"}},
       {{"kind", "repeat"}, {"count", 2}, {"segments", json::array({hold})}}};
@@ -190,7 +197,7 @@ TEST(Schema, NamesEveryKindWithItsUnits) {
     EXPECT_EQ(schema["$defs"][kinds.back()]["title"], kind);
   }
   EXPECT_EQ(kinds, (std::vector<std::string>{"ramp", "hold", "repeat", "reversals", "triangle", "sine",
-                                             "pund", "points"}));
+                                             "pund", "small_signal", "points"}));
   EXPECT_EQ(schema["$defs"]["ramp"]["properties"]["rate"]["x-unit"], "kV/mm/s or V/s");
 }
 

@@ -91,6 +91,26 @@ TEST(Validation, KnowsWhatGoesTogetherInReversals) {
               ElementsAre("/segments/0/back_to"));
 }
 
+TEST(Validation, KnowsWhatASmallSignalNeeds) {
+  EXPECT_THAT(segment_paths({{"kind", "small_signal"}}),
+              UnorderedElementsAre("/segments/0/levels", "/segments/0/rate", "/segments/0/settle",
+                                   "/segments/0/amplitude", "/segments/0/frequency"));
+  json s = {{"kind", "small_signal"}, {"levels", {1}},  {"rate", 1},  {"settle", 0},
+            {"amplitude", 0.1},       {"frequency", 1}, {"cycles", 3}};
+  EXPECT_THAT(segment_paths(s), IsEmpty());
+  s["cycles"] = 2;
+  s["amplitude"] = 0;
+  EXPECT_THAT(segment_paths(s), UnorderedElementsAre("/segments/0/cycles", "/segments/0/amplitude"));
+  s["cycles"] = 3;
+  s["amplitude"] = 0.1;
+  s["levels"] = json::array();
+  EXPECT_THAT(segment_paths(s), ElementsAre("/segments/0/levels"));
+  s["levels"] = {0, 2e6};
+  const auto problems = validate(program(json::array({s})));
+  ASSERT_EQ(problems.size(), 1U);
+  EXPECT_EQ(problems[0].unit, "kV/mm");
+}
+
 TEST(Validation, ChecksEachPoint) {
   const json rows = {{0, 0}, {0, 1}, {1, 2, 3}, {2, 1e9}, {1, 0}};
   EXPECT_THAT(segment_paths({{"kind", "points"}, {"points", rows}}),

@@ -9,7 +9,7 @@
 namespace ferrobench::bench {
 
 inline Prepare prepare() {
-  protocols::Piece ramp{.kind = protocols::PieceKind::ramp, .duration = 0.5, .to = 1e6};
+  protocols::Piece ramp{.kind = protocols::PieceKind::ramp, .duration = 0.5, .to = 1e6, .sampling = 200};
   protocols::Piece samples{
       .kind = protocols::PieceKind::samples, .start = 0.5, .duration = 1, .from = 1e6, .to = -1.25};
   samples.levels = std::make_shared<std::vector<double>>(std::vector{1e6, 0.5e6, -1.25});

@@ -59,6 +59,7 @@ TEST(BenchMessages, CarryWhatWasPutIn) {
   EXPECT_EQ(waveform.value(1), 0.5e6);
   EXPECT_EQ(waveform.unit().name, "kV/mm");
   EXPECT_EQ(waveform.segments()[0].label, "up");
+  EXPECT_EQ(waveform.sampling(), 200);
   const auto known = decoded<daq::DeviceFacts>(encoded(facts()));
   EXPECT_EQ(known.info, facts().info);
   EXPECT_EQ(known.past, facts().past);
