@@ -1,16 +1,37 @@
 #include "recordings/analysis/cycles.h"
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "recordings/analysis/loops.h"
 #include "recordings/analysis/segments.h"
+#include "recordings/analysis/small_signal.h"
 #include "recordings/analysis/statistics.h"
 
 namespace ferrobench::recordings {
 namespace {
 
-const std::vector<double>& program(const Recording& r) {
-  return r.at(r.has(Channel::command) ? Channel::command : Channel::field);
+// Sines on a bias are no turns of the program: they are taken out.
+std::vector<double> program(const Recording& r, const std::vector<BiasSine>& sines) {
+  auto out = r.at(r.has(Channel::command) ? Channel::command : Channel::field);
+  for (const auto& s : sines) {
+    const double turn = 2 * std::numbers::pi * s.cycles / (r.time[s.last] - r.time[s.first]);
+    for (auto i = s.first; i <= s.last; ++i)
+      out[i] -= s.amplitude * std::sin(turn * (r.time[i] - r.time[s.first]));
+  }
+  return out;
+}
+
+// The ramps alone, without those sines.
+std::vector<SegmentRow> ramps_of(const Recording& r, const std::vector<BiasSine>& sines) {
+  auto out = segments_of(r);
+  std::erase_if(out, [&](const SegmentRow& row) {
+    return row.kind != "ramp" || std::ranges::any_of(sines, [&](const BiasSine& s) {
+             return s.first == static_cast<std::size_t>(row.start_sample);
+           });
+  });
+  return out;
 }
 
 // Around an extreme: the samples that do not differ from it by more than noise.
@@ -26,13 +47,13 @@ Turn plateau(const std::vector<double>& values, std::size_t at, std::size_t from
   return turn;
 }
 
-double ramp_rate(const std::vector<SegmentRow>& segments, std::size_t first, std::size_t last) {
+double ramp_rate(const std::vector<SegmentRow>& ramps, std::size_t first, std::size_t last) {
   double longest = 0, rate = 0;
-  for (const auto& row : segments) {
+  for (const auto& row : ramps) {
     const double shared =
         static_cast<double>(std::min<std::int64_t>(row.end_sample, static_cast<std::int64_t>(last))) -
         static_cast<double>(std::max<std::int64_t>(row.start_sample, static_cast<std::int64_t>(first)));
-    if (row.kind != "ramp" || shared <= longest) continue;
+    if (shared <= longest) continue;
     longest = shared;
     rate = row.rate;
   }
@@ -60,7 +81,7 @@ double base_level(const std::vector<Turn>& turns, double tolerance) {
 
 Turns turning_points(const Recording& recording) {
   if (!recording.has(Channel::command) && !recording.has(Channel::field)) return {};
-  const auto& values = program(recording);
+  const auto values = program(recording, bias_sines(recording));
   const auto range = extremes(values);
   if (!range || !(range->span() > 0)) return {};
   const double span = range->span(), noise = estimate_noise(values);
@@ -100,7 +121,7 @@ Turns turning_points(const Recording& recording) {
 std::vector<Cycle> find_cycles(const Recording& recording, const Turns& turns) {
   const auto& points = turns.points;
   if (points.empty()) return {};
-  const auto segments = segments_of(recording);
+  const auto ramps = ramps_of(recording, bias_sines(recording));
   const double tolerance = std::max(5 * turns.noise, 0.01 * turns.span);
   const double base = base_level(points, tolerance);
   std::vector<Cycle> cycles;
@@ -119,7 +140,7 @@ std::vector<Cycle> find_cycles(const Recording& recording, const Turns& turns) {
         cycle.high = std::max(cycle.high, points[i].level);
         cycle.turns.push_back(points[i]);
       }
-      cycle.rate = ramp_rate(segments, cycle.first, cycle.last);
+      cycle.rate = ramp_rate(ramps, cycle.first, cycle.last);
       if (!cycle.turns.empty()) cycles.push_back(std::move(cycle));
     }
     start = k;

@@ -1,6 +1,7 @@
 // The turning points of a field program and the cycles between them.
 //
-// The program is the command, or the measured field where there is no command. A turning point is an extreme
+// The program is the command, or the measured field where there is no command, without the sines of
+// small_signal segments. A turning point is an extreme
 // from which the program comes back by more than its noise; its first and last sample bound the time spent
 // there. One level is the base: the one turned at most often, the earlier one of two. A cycle leads from the
 // base to the base.

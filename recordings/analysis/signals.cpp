@@ -19,6 +19,7 @@ double lsb_of(const Recording& recording, Channel channel) {
 
 // Without a figure of the noise from elsewhere it is estimated. `lsb`: of the converter, 0 if not known.
 void judge(Signal& signal, const std::vector<double>& time, std::optional<double> known, double lsb) {
+  signal.lsb = lsb;
   signal.noise = known ? *known : estimate_noise(signal.values);
   const auto range = extremes(signal.values);
   signal.exact = range && !(signal.noise > 1e-6 * range->span());

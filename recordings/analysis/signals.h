@@ -23,6 +23,7 @@ struct Signal {
   // What the samples themselves say of their noise: level and colour from quiet windows; where there are
   // too few of these, white with the level above and a converter's rounding.
   Noise statistics = {};
+  double lsb = 0;               // of the converter, in the signal's unit; 0 if not known
   double gain_uncertainty = 0;  // relative, standard: as the device's description states it, or 0
 
   // Where `values` are smoothed: the samples, and what was made of them.

@@ -11,6 +11,7 @@
 #include "recordings/analysis/loops.h"
 #include "recordings/analysis/parts.h"
 #include "recordings/analysis/signals.h"
+#include "recordings/analysis/small_signal.h"
 #include "recordings/analysis/statistics.h"
 #include "recordings/analysis/thinning.h"
 #include "recordings/reports/table.h"
@@ -79,13 +80,17 @@ Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, s
 }
 
 // With their numbers in the table of holds. Of the long ones only: the short ones lead back to where the next
-// begins.
+// begins. Not the stays at a bias before its sine: they are short and many.
 std::vector<std::pair<std::size_t, Hold>> shown_holds(const Recording& r) {
   std::vector<std::pair<std::size_t, Hold>> holds;
+  const auto sines = bias_sines(r);
   double longest = 0;
+  std::size_t number = 0;
   for (const auto& hold : find_holds(r)) {
+    ++number;
+    if (std::ranges::find(sines, hold.last, &BiasSine::first) != sines.end()) continue;
     longest = std::max(longest, hold.duration);
-    holds.emplace_back(holds.size() + 1, hold);
+    holds.emplace_back(number, hold);
   }
   std::erase_if(holds, [&](const auto& hold) { return hold.second.duration < 0.5 * longest; });
   if (holds.size() > most_curves) holds.resize(most_curves);
@@ -185,6 +190,52 @@ void add_forc(const Forc& forc, std::vector<Figure>& figures) {
   figures.push_back(std::move(map));
 }
 
+// From bias to bias, each way a line of its own that begins where the other one turned. None where fewer than
+// two biases have the figure.
+std::optional<Figure> bias_figure(const std::vector<SmallSignalPoint>& points, const std::string& title,
+                                  const std::string& label, std::optional<Estimate> SmallSignalPoint::*value,
+                                  double unit) {
+  Figure out{.title = title + " against bias",
+             .x_label = "bias [kV/mm]",
+             .y_label = label,
+             .square = true,
+             .series = {}};
+  const bool several = std::ranges::any_of(points, [&](const SmallSignalPoint& p) {
+    return std::abs(p.frequency - points.front().frequency) > 0.01 * p.frequency;
+  });
+  std::string before;
+  std::array<double, 2> last{NAN, NAN};
+  int known = 0;
+  for (const auto& p : points) {
+    const auto start = last;
+    const auto& estimate = p.*value;
+    last = {p.sine.bias / volts_per_m_in_kv_per_mm, estimate ? estimate->value / unit : NAN};
+    known += estimate ? 1 : 0;
+    if (p.sine.approach == Approach::none) continue;  // where the first line begins
+    auto name = std::string(p.sine.approach == Approach::up ? "up" : "down");
+    if (several) name += ", " + number_text(p.frequency) + " Hz";
+    auto line = std::ranges::find(out.series, name, &Series::label);
+    if (line == out.series.end()) line = out.series.insert(line, {.label = name, .points = {}});
+    if (name != before) line->points.insert(line->points.end(), {{NAN, NAN}, start});
+    before = name;
+    line->points.push_back(last);
+  }
+  return known < 2 || out.series.empty() ? std::nullopt : std::optional(out);
+}
+
+void add_small_signal(const Recording& r, std::vector<Figure>& figures) {
+  const auto points = find_small_signal(r);
+  const auto add = [&](const std::string& title, const std::string& label,
+                       std::optional<Estimate> SmallSignalPoint::*value, double unit) {
+    if (auto figure = bias_figure(points, title, label, value, unit)) figures.push_back(std::move(*figure));
+  };
+  constexpr double picometre = 1e-12;
+  add("Relative permittivity", "relative permittivity", &SmallSignalPoint::permittivity, 1);
+  add("Loss", "tan δ", &SmallSignalPoint::tan_delta, 1);
+  add("Piezoelectric coefficient", "d33 [pm/V]", &SmallSignalPoint::d33, picometre);
+  add("Phase of the displacement", "phase [degree]", &SmallSignalPoint::phase, 1);
+}
+
 }  // namespace
 
 std::vector<std::array<double, 2>> band(const std::vector<double>& x, const std::vector<double>& y,
@@ -229,6 +280,7 @@ std::vector<Figure> make_figures(const Recording& r) {
     if (channel.title != "Force" && (channel.title != "Current" || is_stepped(field)))
       out.push_back(loop_figure(parts, field, channel));
   if (const auto forc = find_forc(r, cycles)) add_forc(*forc, out);
+  add_small_signal(r, out);
   if (r.has(Channel::displacement))
     add_creep(r, signal(r, Channel::displacement), metre_in_um, "displacement", "µm", out);
   if (r.has(Channel::charge)) add_creep(r, polarization(r), 1, "polarization", "C/m²", out);

@@ -93,8 +93,8 @@ Report make_report(const Recording& recording) {
   if (h.past.known()) add_fact(report, "before", protocols::in_words(h.past));
   add_fact(report, "identifier", h.entry_identifier);
   const Analysis analysis(r);
-  for (auto& table : {stroke_table(analysis), hysteresis_table(analysis), rate_table(analysis),
-                      minor_loop_table(analysis), creep_table(r), pund_table(analysis),
+  for (auto& table : {small_signal_table(analysis), stroke_table(analysis), hysteresis_table(analysis),
+                      rate_table(analysis), minor_loop_table(analysis), creep_table(r), pund_table(analysis),
                       pund_tester_table(analysis), pulse_table(analysis), leakage_table(r), fatigue_table(r)})
     if (table) report.tables.push_back(*table);
   if (!r.events.empty()) report.tables.push_back(event_table(r));

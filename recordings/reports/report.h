@@ -1,6 +1,6 @@
-// What a recording shows, as tables: stroke, hysteresis, creep, rates, minor loops, pulses, leakage and
-// fatigue; and the whole as text,
-// Markdown, CSV, JSON or one self-contained HTML page with pictures.
+// What a recording shows, as tables: stroke, hysteresis, creep, rates, minor loops, pulses, the small-signal
+// response, leakage and fatigue; and the whole as text, Markdown, CSV, JSON or one self-contained HTML page
+// with pictures.
 //
 // A table that the recording has nothing for (no hold, one rate only, no such channel) is left out.
 #pragma once
@@ -36,6 +36,7 @@ std::optional<Table> pulse_table(const Analysis& analysis);  // positive-up-nega
 std::optional<Table> pund_table(const Analysis& analysis);   // and cycle by cycle
 // Beside what the tester that measured it states, where an import kept that.
 std::optional<Table> pund_tester_table(const Analysis& analysis);
+std::optional<Table> small_signal_table(const Analysis& analysis);  // bias by bias
 std::optional<Table> leakage_table(
     const Recording& recording);  // a current, and no charge that it would be of
 std::optional<Table> fatigue_table(const Recording& recording);  // a tester's readings between cycles
