@@ -107,8 +107,9 @@ void add_list(CLI::App& app, Common& common) {
 }
 
 void add_report(CLI::App& app, Common& common) {
-  auto* sub =
-      app.add_subcommand("report", "Report a recording: stroke, hysteresis, creep, rates, minor loops");
+  auto* sub = app.add_subcommand("report",
+                                 "Report a recording: stroke, hysteresis, creep, rates, minor loops, pulses, "
+                                 "small-signal response");
   auto o = std::make_shared<RecordingOptions>();
   add_recording(sub, *o);
   sub->add_option("--format", o->format, "of the report")->check(one_of(formats))->default_val("text");

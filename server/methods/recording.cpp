@@ -365,7 +365,8 @@ void add_recording_methods(Dispatcher& rpc, Engine& engine) {
                        .result_schema = curves_schema()},
                       [&engine](const ReadParams& p) { return columns_of(engine, p); });
   rpc.add<ReportParams>({.name = "recording.report",
-                         .doc = "Stroke, hysteresis, creep, rates and minor loops.",
+                         .doc = "Stroke, hysteresis, creep, rates, minor loops, pulses and the small-signal "
+                                "response.",
                          .lane = Lane::heavy,
                          .errors = view_errors,
                          .result_schema = report_schema()},

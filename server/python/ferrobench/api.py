@@ -1583,7 +1583,7 @@ class RecordingArea(Area):
         return self._call("recording.recover", {"name": name})
 
     def report(self, name: str, *, format: str | None = None) -> RecordingReport:
-        """Stroke, hysteresis, creep, rates and minor loops.
+        """Stroke, hysteresis, creep, rates, minor loops, pulses and the small-signal response.
 
         Parameters
         ----------

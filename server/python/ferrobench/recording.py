@@ -146,7 +146,7 @@ class Recording:
         return slice(row["start_sample"], row["end_sample"])
 
     def report(self) -> dict[str, Any]:
-        """Stroke, hysteresis, creep, rates, minor loops and pulses, as the daemon or the program `ferrobench` makes them."""
+        """Stroke, hysteresis, creep, rates, minor loops, pulses and the small-signal response, as the daemon or the program `ferrobench` makes them."""
         if "" not in self._cache:
             self._cache[""] = (self._bench.methods.recording.report(self.name, format="json") if self._bench
                                else _report_by_program(self.path))
