@@ -46,8 +46,8 @@ std::optional<Table> small_signal_table(const Analysis& analysis) {
     table.notes.emplace_back("tan δ is positive where the charge lags the field, by which energy is lost.");
   }
   if (displacement) {
-    table.columns.insert(table.columns.end(), {{"d33_m_per_V", "d33", "m/V"},
-                                               {"phase_degree", "phase of the displacement", "degree"}});
+    table.columns.insert(table.columns.end(),
+                         {{"d33_m_per_V", "d33", "m/V"}, {"phase_degree", "phase of d33", "degree"}});
     table.notes.emplace_back(
         "d33: amplitude of the strain over that of the field, under the load of this recording. Phase: "
         "negative where the displacement lags, near 180 degrees where it goes against the field.");
