@@ -51,6 +51,7 @@ export class Experiment {
     this.rpc = rpc;
     this.started = started;
     this.protocol = null; // as JSON
+    this.written = false; // whether somebody has begun a text of their own
     this.allowed = false;
     this.limits = null;
     this.wait = null;
@@ -64,6 +65,11 @@ export class Experiment {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw.forEach((draw) => draw()));
     byId("protocol-search").addEventListener("input", () => this.#filter());
     byId("protocol-file").addEventListener("change", (event) => this.#useFile(event.target.files[0]));
+    // What somebody writes is not replaced by a protocol that was still on its way.
+    byId("protocol-text").addEventListener("input", () => {
+      ++this.choice;
+      this.written = true;
+    });
     byId("use-text").addEventListener("click", () => this.#useText());
     byId("enqueue").addEventListener("click", () => this.#enqueue());
     byId("save-protocol").addEventListener("click", () => this.#save());
@@ -87,7 +93,7 @@ export class Experiment {
     byId("device").replaceChildren(...[...kinds, ...devices.open].map((d) => element("option", { value: d }, devices.open.includes(d) ? `${d} (open)` : d)));
     if (chosen) byId("device").value = chosen;
     await this.editor.load();
-    if (!this.protocol) await this.choose(protocols.find((p) => p.name === "full-loops")?.name ?? protocols[0].name);
+    if (!this.protocol && !this.written) await this.choose(protocols.find((p) => p.name === "full-loops")?.name ?? protocols[0].name);
     else await this.#preview();
   }
 
