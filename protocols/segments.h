@@ -32,6 +32,12 @@ constexpr FieldInfo rate_info(std::string_view doc, bool required = false) {
 constexpr FieldInfo time_info(std::string_view doc, bool required = false) {
   return {.unit = "s", .min = 0, .max = 1e7, .required = required, .doc = doc};
 }
+constexpr FieldInfo amplitude_info(std::string_view doc) {
+  return {.unit = level_unit, .min = 0, .max = 1e6, .exclusive_min = true, .required = true, .doc = doc};
+}
+constexpr FieldInfo frequency_info(std::string_view doc, bool required = false) {
+  return {.unit = "Hz", .min = 1e-9, .max = 1e6, .required = required, .doc = doc};
+}
 
 // One straight line to a level: give `rate` or `time`.
 struct Ramp {
@@ -107,8 +113,7 @@ void describe(Visitor& visit, Triangle& s) {
   visit("low", s.low, level_info("lower turning level", true));
   visit("high", s.high, level_info("upper turning level", true));
   visit("rate", s.rate, rate_info("of every ramp; or give frequency"));
-  visit("frequency", s.frequency,
-        {.unit = "Hz", .min = 1e-9, .max = 1e6, .doc = "of the cycles; or give rate"});
+  visit("frequency", s.frequency, frequency_info("of the cycles; or give rate"));
   visit("cycles", s.cycles, {.min = 1, .max = 1e6, .doc = "number of cycles"});
   visit("first", s.first, {.doc = "direction in which a cycle sets out"});
 }
@@ -122,15 +127,8 @@ struct Sine {
 template <class Visitor>
 void describe(Visitor& visit, Sine& s) {
   visit("center", s.center, level_info("mean level"));
-  visit("amplitude", s.amplitude,
-        {.unit = level_unit,
-         .min = 0,
-         .max = 1e6,
-         .exclusive_min = true,
-         .required = true,
-         .doc = "peak minus mean"});
-  visit("frequency", s.frequency,
-        {.unit = "Hz", .min = 1e-9, .max = 1e6, .required = true, .doc = "cycles per second"});
+  visit("amplitude", s.amplitude, amplitude_info("peak minus mean"));
+  visit("frequency", s.frequency, frequency_info("cycles per second", true));
   visit("cycles", s.cycles,
         {.min = 0, .max = 1e9, .exclusive_min = true, .doc = "number of cycles, fractions allowed"});
   visit("phase", s.phase,
@@ -171,19 +169,8 @@ void describe(Visitor& visit, SmallSignal& s) {
   visit("levels", s.levels, level_info("bias levels, in the order in which they are gone to", true));
   visit("rate", s.rate, rate_info("of the ramps between bias levels", true));
   visit("settle", s.settle, time_info("stay at each bias before its sine", true));
-  visit("amplitude", s.amplitude,
-        {.unit = level_unit,
-         .min = 0,
-         .max = 1e6,
-         .exclusive_min = true,
-         .required = true,
-         .doc = "peak of the sine minus bias"});
-  visit("frequency", s.frequency,
-        {.unit = "Hz",
-         .min = 1e-9,
-         .max = 1e6,
-         .required = true,
-         .doc = "of the sine; 20 samples a cycle are the fewest"});
+  visit("amplitude", s.amplitude, amplitude_info("peak of the sine minus bias"));
+  visit("frequency", s.frequency, frequency_info("of the sine; 20 samples a cycle are the fewest", true));
   visit("cycles", s.cycles,
         {.min = 3, .max = 1e6, .doc = "of the sine at each bias; the first one is not evaluated"});
 }
