@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/units.h"
 #include "protocols/protocol.h"
 #include "recordings/analysis/signals.h"
 
@@ -16,7 +17,6 @@ namespace {
 
 using Complex = std::complex<double>;
 constexpr Complex i_unit{0, 1};
-constexpr double vacuum_permittivity = 8.8541878128e-12;  // F/m, CODATA 2018
 constexpr double degree = std::numbers::pi / 180;
 constexpr int drift = 4, terms = drift + 6;  // a cubic, and two terms for each of three harmonics
 constexpr std::size_t fewest = 20;    // samples of a fit: those of one cycle, sampled as slowly as allowed

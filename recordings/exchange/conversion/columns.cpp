@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "base/units.h"
 #include "recordings/exchange/conversion/loops_of_tester.h"
 #include "recordings/exchange/conversion/radiant_columns.h"
 #include "recordings/exchange/conversion/units_of_columns.h"
@@ -115,11 +116,10 @@ void take_flags(const TesterTable& table, Measured& m) {
 // Cls and Epsls are one slope of the loop, as a capacitance and as a permittivity: between them lie the
 // specimen's area and thickness.
 void check_permittivity(const TesterTable& table, Measured& m, const Specimen& specimen) {
-  constexpr double vacuum = 8.8541878128e-12;  // F/m
   constexpr double exact = 5e-3;
   const auto capacitance = number_in(table, "Cls"), permittivity = number_in(table, "Epsls");
   if (!capacitance || !permittivity || !(*capacitance > 0) || !(*permittivity > 0)) return;
-  const double stated = *capacitance / (*permittivity * vacuum),
+  const double stated = *capacitance / (*permittivity * vacuum_permittivity),
                own = specimen.area / specimen.layer_thickness;
   const bool holds = std::abs(stated / own - 1) < exact;
   m.say(holds ? "check" : "warning", "area over thickness is " + number_text(own) + " m, and " +

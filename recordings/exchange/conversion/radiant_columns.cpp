@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/number_text.h"
+#include "base/units.h"
 #include "recordings/analysis/statistics.h"
 #include "recordings/exchange/conversion/units_of_columns.h"
 #include "recordings/exchange/testers/number_rows.h"
@@ -41,12 +42,11 @@ std::optional<double> header_field(const TesterTable& table) {
 
 // Cross-checks a capacitance and a permittivity: between them lie area and thickness.
 void check_capacitance(const TesterTable& table, Measured& m, const Specimen& specimen) {
-  constexpr double vacuum = 8.8541878128e-12;  // F/m
   const auto capacitance = figure_of(table, "C (Max-Eff)"), permittivity = figure_of(table, "K (Eff)");
   if (!capacitance || !permittivity || !(*capacitance > 0) || !(*permittivity > 0)) return;
   constexpr double farad_in_nf = 1e-9;
   compare(m, "area over thickness", specimen.area / specimen.layer_thickness,
-          *capacitance * farad_in_nf / (*permittivity * vacuum), "m",
+          *capacitance * farad_in_nf / (*permittivity * vacuum_permittivity), "m",
           "Vision's C and K: so area and thickness");
 }
 
