@@ -8,7 +8,6 @@
 #include <cmath>
 #include <iostream>
 #include <numbers>
-#include <random>
 
 #include "daq/guard/check.h"
 #include "daq/virtual/config.h"
@@ -16,6 +15,7 @@
 #include "protocols/protocol.h"
 #include "recordings/reports/figures.h"
 #include "recordings/reports/report.h"
+#include "tests/daq/coverage.h"
 
 namespace ferrobench::daq {
 namespace {
@@ -245,29 +245,9 @@ TEST(SmallSignal, SlowSamplingIsRefused) {
   EXPECT_TRUE(check(enough, {}).empty());
 }
 
-// Of each figure, how many of the runs and biases lie within two standard uncertainties of the closed form.
-struct Count {
-  int all = 0, covered = 0;
-  double squares = 0;
-  void take(const std::optional<Estimate>& estimate, double truth) {
-    ASSERT_TRUE(estimate);
-    const double error = (estimate->value - truth) / estimate->uncertainty();
-    ++all;
-    covered += std::abs(error) <= 2 ? 1 : 0;
-    squares += error * error;
-  }
-};
-
-// Two thirds of the variance over 4 samples, as an averaging readout shows it.
-void add_coloured(std::vector<double>& values, double deviation, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal;
-  const double decay = std::exp(-0.25), step = std::sqrt(1 - decay * decay);
-  double slow = normal(random);
-  for (double& v : values) {
-    v += deviation * (std::sqrt(1.0 / 3) * normal(random) + std::sqrt(2.0 / 3) * slow);
-    slow = decay * slow + step * normal(random);
-  }
+void take(Coverage& coverage, const std::optional<Estimate>& estimate, double truth) {
+  ASSERT_TRUE(estimate);
+  coverage.take((estimate->value - truth) / estimate->uncertainty());
 }
 
 void expect_coverage(bool coloured) {
@@ -279,7 +259,7 @@ void expect_coverage(bool coloured) {
   const auto sensors = sensors_of({}, model);
   // The lag follows the lines between samples, not the sine: what it makes of these, without noise.
   const auto truth = find_small_signal(exact);
-  std::array<Count, 5> counts;
+  std::array<Coverage, 5> counts;
   for (std::uint64_t seed = 1; seed <= runs; ++seed) {
     auto r = exact;
     r.noise.fill(std::nullopt);
@@ -287,7 +267,7 @@ void expect_coverage(bool coloured) {
     for (const auto channel : {Channel::field, Channel::charge, Channel::displacement}) {
       auto sensor = sensors[static_cast<std::size_t>(channel)];
       auto& values = *r.channels[static_cast<std::size_t>(channel)];
-      if (coloured) add_coloured(values, std::exchange(sensor.noise, 0), 10 * seed + ++number);
+      if (coloured) add_coloured(10 * seed + ++number, std::exchange(sensor.noise, 0), values);
       const Converter converter(channel, sensor, seed);
       std::vector<std::int16_t> raw(values.size());
       converter.convert(0, values, raw.data(), 1);
@@ -296,21 +276,20 @@ void expect_coverage(bool coloured) {
     const auto points = find_small_signal(r);
     ASSERT_EQ(points.size(), truth.size());
     for (std::size_t k = 0; k < points.size(); ++k) {
-      counts[0].take(points[k].capacitance, capacitance);
-      counts[1].take(points[k].permittivity, permittivity / vacuum_permittivity);
-      counts[2].take(points[k].tan_delta, 0);
-      counts[3].take(points[k].d33, truth[k].d33->value);
-      counts[4].take(points[k].phase, truth[k].phase->value);
+      take(counts[0], points[k].capacitance, capacitance);
+      take(counts[1], points[k].permittivity, permittivity / vacuum_permittivity);
+      take(counts[2], points[k].tan_delta, 0);
+      take(counts[3], points[k].d33, truth[k].d33->value);
+      take(counts[4], points[k].phase, truth[k].phase->value);
     }
   }
   for (const auto& count : counts) {
     // Binomial: 95.4 % of 600, whose standard deviation is 0.85 %, within three and a half of them.
-    EXPECT_EQ(count.all, 3 * runs);
-    std::cout << 100.0 * count.covered / count.all << " % within 2 u, errors of "
-              << std::sqrt(count.squares / count.all) << " u\n";
-    EXPECT_GE(100.0 * count.covered / count.all, 92.4);
-    EXPECT_LE(100.0 * count.covered / count.all, 98.4);
-    EXPECT_NEAR(std::sqrt(count.squares / count.all), 1, 0.12);
+    EXPECT_EQ(count.figures, 3 * runs);
+    std::cout << count.percent() << " % within 2 u, errors of " << count.rms() << " u\n";
+    EXPECT_GE(count.percent(), 92.4);
+    EXPECT_LE(count.percent(), 98.4);
+    EXPECT_NEAR(count.rms(), 1, 0.12);
   }
 }
 

@@ -7,11 +7,11 @@
 #include <functional>
 #include <iostream>
 #include <map>
-#include <random>
 
 #include "daq/virtual/config.h"
 #include "model/simulator.h"
 #include "recordings/reports/report.h"
+#include "tests/daq/coverage.h"
 
 namespace ferrobench::daq {
 namespace {
@@ -109,19 +109,7 @@ void expect_coverage(const std::vector<Knot>& knots, double rate, const std::vec
   for (auto& sensor : sensors) sensor.noise *= noise_times;
   const auto exact = truth(model, knots, rate);
   const Figures true_figures(exact);
-  struct Count {
-    int figures = 0, covered = 0;
-    double squares = 0, sum = 0;
-    void take(double error_in_u) {
-      ++figures;
-      covered += std::abs(error_in_u) <= 2 ? 1 : 0;
-      squares += error_in_u * error_in_u;
-      sum += error_in_u;
-    }
-    double percent() const { return 100.0 * covered / figures; }
-    double rms() const { return std::sqrt(squares / figures); }
-  };
-  std::map<std::string, Count> by_column;  // of all cycles, holds or pulses
+  std::map<std::string, Coverage> by_column;  // of all cycles, holds or pulses
   for (std::uint64_t seed = 1; seed <= runs; ++seed)
     for (const auto& [name, figure] : Figures(seen(exact, sensors, seed, coloured)).of) {
       const auto true_figure = true_figures.of.find(name);
@@ -161,21 +149,10 @@ TEST(Uncertainty, CoversStrokeAndHysteresis) {
   expect_coverage(loops, 1000, loop_figures);
 }
 
-// As a charge amplifier or an averaging readout shows it: two thirds of the variance over 4 samples. How they
-// go together is estimated as well, which leaves a little more beyond two standard uncertainties; taken for
-// white, such noise would leave 40 %.
+// How samples go together is estimated as well, which leaves a little more beyond two standard uncertainties;
+// taken for white, such noise would leave 40 %.
 TEST(Uncertainty, CoversThemWhereNeighboursGoTogether) {
-  const auto coloured = [](std::uint64_t seed, double std, std::vector<double>& values) {
-    std::mt19937_64 random(seed);
-    std::normal_distribution<double> normal;
-    const double decay = std::exp(-0.25), step = std::sqrt(1 - decay * decay);
-    double slow = normal(random);
-    for (double& v : values) {
-      v += std * (std::sqrt(1.0 / 3) * normal(random) + std::sqrt(2.0 / 3) * slow);
-      slow = decay * slow + step * normal(random);
-    }
-  };
-  expect_coverage(loops, 1000, loop_figures, coloured, 90);
+  expect_coverage(loops, 1000, loop_figures, add_coloured, 90);
 }
 
 TEST(Uncertainty, CoversCreep) {
