@@ -19,10 +19,16 @@ SCALES = {
 FIRST_CYCLE = ("hysteresis", "cycle", 1)
 # How long a drift of hardly more than the noise takes to come to its half says nothing.
 LEFT_OUT = ("_time_to_half_s",)
+# What happened to a run, a slow disk of a busy computer for one, is no measurement. It is printed, to read a difference by.
+EVENTS = "events"
 
 
 def rows_of(report):
-    return {name: table["rows"] for name, table in report.items() if isinstance(table, dict) and "rows" in table}
+    return {
+        name: table["rows"]
+        for name, table in report.items()
+        if isinstance(table, dict) and "rows" in table and name != EVENTS
+    }
 
 
 def scale_of(report, table, key):
@@ -35,7 +41,11 @@ def scale_of(report, table, key):
 
 def main():
     with open(sys.argv[1]) as a, open(sys.argv[2]) as b:
-        first, second = rows_of(json.load(a)), rows_of(json.load(b))
+        reports = json.load(a), json.load(b)
+    for file, report in zip(sys.argv[1:], reports):
+        for event in report.get(EVENTS, {}).get("rows", []):
+            print(f"{file}: {event['time_s']} s, {event['kind']}: {event['message']}")
+    first, second = map(rows_of, reports)
     if first.keys() != second.keys():
         sys.exit(f"one has the tables {sorted(first)}, the other {sorted(second)}")
     if not first:
