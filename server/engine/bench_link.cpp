@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <csignal>
 
+#include "base/priority.h"
 #include "base/unix_socket.h"
 #include "server/bench/process.h"
 
@@ -102,7 +103,10 @@ bool BenchLink::await_ready() {
 }
 
 void BenchLink::start() {
-  listener_ = std::thread([this] { listen(); });
+  listener_ = std::thread([this] {
+    take_precedence();
+    listen();
+  });
 }
 
 BenchLink::~BenchLink() {

@@ -308,7 +308,11 @@ Server::Server(const Dispatcher& dispatcher, Hub& hub, const ServerOptions& opti
         s.service, local::acceptor(s.service.io, local(), listen_unix(options.unix_socket)), &start_unix);
   s.tcp_listener->accept();
   if (s.unix_listener) s.unix_listener->accept();
-  s.thread = std::thread([&s] { s.service.io.run(); });
+  asio::post(s.service.urgent, take_precedence);
+  s.thread = std::thread([&s] {
+    take_precedence();
+    s.service.io.run();
+  });
 }
 
 Server::~Server() {

@@ -2,7 +2,7 @@
 //
 // - FAULT_FOLDER: only files below it are looked at
 // - FAULT_KIND: EIO, ENOSPC, EINTR, short (a write of half the bytes), hang (13 s); and from then on: full
-//   (ENOSPC for all that takes room), slow (0.4 s)
+//   (ENOSPC for all that takes room), slow (0.4 s); or held: no call returns while the file of FAULT_WHEN is there
 // - FAULT_AT: which call, from 1; 0: none
 // - FAULT_WHEN: instead of FAULT_AT, the first call once this file is there
 // - FAULT_COUNT: file that gets the number of calls at the end; FAULT_COUNT.shared: the processes of a command count
@@ -22,7 +22,7 @@
 #include <unistd.h>
 
 enum { most_files = 4096 };
-enum kind { none, fail, half, full, hang, slow };
+enum kind { none, fail, half, full, hang, slow, held };
 
 static const char *folder, *when;
 static enum kind kind;
@@ -53,6 +53,7 @@ __attribute__((constructor)) static void begin(void) {
          : strcmp(name, "full") == 0 ? full
          : strcmp(name, "hang") == 0 ? hang
          : strcmp(name, "slow") == 0 ? slow
+         : strcmp(name, "held") == 0 ? held
                                      : fail;
   if (getenv("FAULT_COUNT") != NULL) count_together(getenv("FAULT_COUNT"));
   error_number = strcmp(name, "EIO") == 0 ? EIO : strcmp(name, "EINTR") == 0 ? EINTR : ENOSPC;
@@ -69,6 +70,10 @@ __attribute__((destructor)) static void end(void) {
 
 // Counts the call and says what becomes of it.
 static enum kind fate(int takes_room) {
+  if (kind == held) {
+    while (when != NULL && faccessat(AT_FDCWD, when, F_OK, 0) == 0) usleep(1000);
+    return none;
+  }
   const long number = atomic_fetch_add(count, 1) + 1;
   if (when != NULL && at == 0 && faccessat(AT_FDCWD, when, F_OK, 0) == 0) at = number;
   if (at == 0 || number < at || (kind != full && kind != slow && number != at)) return none;

@@ -1,12 +1,15 @@
 """How long run.abort takes while others keep the daemon busy.
 
     python3 stops_under_load.py PROGRAM [--rows N] [--runs N] [--calls N] [--within MS] [--ramp-within MS] [--discover]
+                                [--hanging-disk SHIM]
     umockdev-wrapper python3 stops_under_load.py PROGRAM --emulator EMULATOR ...
 
 8 viewers ask for HTML reports of a long recording, 50 clients subscribe to everything, 64 strangers hold connections and
-come again when they are dropped; with --discover a discovery computes on all cores as well. Meanwhile run.abort is called by
-HTTP, each time by a new connection: on so many runs under way, and between them. Prints the times from connecting to the reply,
-and to the first step of the ramp to zero: on the virtual device by its samples, on the emulated unit by the unit's own output.
+come again when they are dropped; with --discover a discovery computes on all cores as well. With --hanging-disk, which takes the
+library of tests/faults, no call that writes to the data folder returns from 0.2 s before a stop until its calls are over.
+Meanwhile run.abort is called by HTTP, each time by a new connection: on so many runs under way, and again while they end and
+have ended. Prints the times from connecting to the reply, and to the first step of the ramp to zero: on the virtual device by
+its samples, on the emulated unit by the unit's own output.
 Whoever presses stop sits at another machine: that is a process of its own here, with real-time priority where that is allowed.
 Fails if the 99.9th percentile of one is above --within or --ramp-within.
 """
@@ -32,6 +35,7 @@ parser.add_argument("--calls", type=int, default=3000)
 parser.add_argument("--within", type=float, default=50)
 parser.add_argument("--ramp-within", type=float, default=100)
 parser.add_argument("--discover", action="store_true")
+parser.add_argument("--hanging-disk", metavar="SHIM", type=os.path.abspath, help="library that holds what writes to the disk")
 parser.add_argument("--emulator", help="of the unit on which the runs are, else they are on the virtual device")
 parser.add_argument("--folder", help=argparse.SUPPRESS)  # of the unit, within the emulator
 options = parser.parse_args()
@@ -53,8 +57,13 @@ if options.emulator:
 
 folder = tempfile.mkdtemp()
 token_file = os.path.join(folder, "token")
+disk_hangs = folder + ".hangs"  # while this file is there
+environment = dict(os.environ)
+if options.hanging_disk:
+    preloaded = [options.hanging_disk, *environment.get("LD_PRELOAD", "").split()]  # the emulated unit has a library as well
+    environment.update(LD_PRELOAD=" ".join(preloaded), FAULT_FOLDER=folder, FAULT_KIND="held", FAULT_WHEN=disk_hangs)
 daemon = subprocess.Popen([options.program, "--data", folder, "serve", "--port", "0", "--token-file", token_file],
-                          stdout=subprocess.PIPE, text=True)
+                          stdout=subprocess.PIPE, text=True, env=environment)
 for line in daemon.stdout:
     if "JSON-RPC" in line:
         port = int(line.split("://")[1].split("/")[0].split(":")[1])
@@ -212,8 +221,19 @@ for _ in range(options.runs):
             raise SystemExit(f"the run broke off: {status['reason']}")
     start = first_sample()
     time.sleep(random.uniform(0, 0.1))  # anywhere in a piece
+    if options.hanging_disk:
+        open(disk_hangs, "w").close()
+        time.sleep(0.2)  # until what writes every 50 ms has met it
+        on_disk = call("run.status")["result"]["rows_on_disk"]
     pressed = time.time()
     begin, reply = timed_abort()
+    for _ in range(options.calls // options.runs - 1):
+        time.sleep(0.002)
+        timed_abort()
+    if options.hanging_disk:
+        if call("run.status")["result"]["rows_on_disk"] != on_disk:
+            raise SystemExit("the disk was to hang, and took samples")
+        os.remove(disk_hangs)
     status = wait_for("aborted")
     if not status["reason"].endswith("measured"):
         broken.append(status["reason"])
@@ -226,9 +246,6 @@ for _ in range(options.runs):
         ramps.append(1e3 * (steps[0] - pressed))
     else:
         ramps.append((recording, begin - start))
-    for _ in range(options.calls // options.runs - 1):
-        timed_abort()
-        time.sleep(0.002)
 load.kill()
 load.join()
 
