@@ -136,7 +136,7 @@ TEST(NetStops, MoreViewersThanAnybodyWaitsForAreRefused) {
   std::vector<std::future<Reply>> viewers;
   for (int i = 0; i < 50; ++i)
     viewers.push_back(std::async(std::launch::async, [&] {
-      return http(bench, {.body = call("view", 1, {{"seconds", 0.1}}).dump()});
+      return http(bench, {.body = call("view", 1, {{"seconds", 0.3}}).dump()});
     }));
   std::size_t busy = 0;
   for (auto& viewer : viewers) {
