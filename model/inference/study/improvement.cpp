@@ -215,27 +215,27 @@ class Improver {
     return out;
   }
 
-  // Gives each recording another past if that is likelier where the model stands now; whether any has one.
+  // Gives each recording the past that is likeliest where the model stands now; whether any has another one.
+  // A model that is wrong by much misses its channels alike, over their ranges, and so the misses are
+  // counted. An error of each channel's own would let a past be taken that meets one channel far better than
+  // the model can, at the other's cost. By noise alone a past is changed only where that is likelier.
   bool other_pasts(const Place& at) const {
     if (!task_.choose_pasts) return false;
     tick("choosing the specimen's past");
-    auto chosen = pasts();
-    std::vector<std::size_t> all(chosen.size());
-    std::iota(all.begin(), all.end(), std::size_t{0});
-    const auto others = task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
-    const auto before = miss(at, all);
-    task_.set_pasts(others);
-    const auto after = miss(at, all);
-    bool any = false;
-    for (const std::size_t r : all) {
-      // By the likelihood, not by squares beside an error that was estimated under the past that stands: a
-      // wrong past makes that so large in one channel that the other one decides.
-      if (!(log_likelihood_ratio_beside_error(noise_, {before[r]}, {after[r]}, {r}) > 0)) continue;
-      any = any || chosen[r] != others[r];
-      chosen[r] = others[r];
+    const auto stood = pasts();
+    auto chosen = task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
+    if (by_noise()) {
+      std::vector<std::size_t> all(stood.size());
+      std::iota(all.begin(), all.end(), std::size_t{0});
+      const auto before = miss(at, all);
+      task_.set_pasts(chosen);
+      const auto after = miss(at, all);
+      for (const std::size_t r : all)
+        if (!(log_likelihood_ratio_beside_error(noise_, {before[r]}, {after[r]}, {r}) > 0))
+          chosen[r] = stood[r];
     }
     task_.set_pasts(chosen);
-    return any;
+    return chosen != stood;
   }
 
   // Measured less simulated over the noise.
