@@ -12,6 +12,7 @@
 #include "model/inference/report/discovery_report.h"
 #include "model/inference/residuals/whitened_recordings.h"
 #include "model/inference/selection/forward_selection.h"
+#include "model/inference/selection/residual_basis.h"
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/discover.h"
 #include "model/inference/study/fit.h"
@@ -479,6 +480,24 @@ TEST(Discrepancy, AMeasuredDriveIsAsUncertainAsItsNoiseHasMemory) {
     EXPECT_GT(off, 0.5) << memory;
     EXPECT_LT(off, 1.7) << memory;
   }
+}
+
+// A charge amplifier that leaks is what is left most of, by noise; of what the force leaves it is no reason.
+TEST(Discrepancy, WhatAChannelLeavesIsOfAFamilyThatActsThere) {
+  auto leaking = given();
+  leaking.effects.push_back({"charge_amplifier_decay", {{"time_constant", 20}}});
+  const auto recordings = measure(leaking);
+  std::vector<std::string> warnings;
+  const auto bench = inference::prepare_bench(given(), {recordings[0], recordings[2]}, 2000, warnings);
+  const inference::WhitenedRecordings residuals(bench, inference::estimate_noise(bench, warnings), {0, 1},
+                                                {.tolerance = 1e-4, .domains = 500}, 2);
+  const auto hypothesis = inference::base_hypothesis(given(), bench);
+  auto fit = inference::minimize(residuals, hypothesis, inference::prior_mean(hypothesis),
+                                 {.iterations = 1, .tick = {}});
+  inference::refresh_jacobian(residuals, fit);
+  EXPECT_EQ(inference::fit_residual_basis(residuals, fit).family, Family::charge_sensor);
+  EXPECT_THAT(inference::fit_residual_basis(residuals, fit, Channel::force).family,
+              testing::AnyOf(Family::force_sensor, Family::strain, Family::equilibrium, Family::kinetics));
 }
 
 // A base fit that has not arrived: what an effect seems to explain, the base does from where that led.

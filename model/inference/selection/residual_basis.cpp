@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "model/inference/common/parallel.h"
@@ -190,7 +191,8 @@ Functions functions_of(Family family, const States& s) {
 
 }  // namespace
 
-BasisFit fit_residual_basis(const WhitenedRecordings& residuals, const Fit& fit) {
+BasisFit fit_residual_basis(const WhitenedRecordings& residuals, const Fit& fit,
+                            std::optional<recordings::Channel> acted_on) {
   std::map<std::size_t, States> states;
   for (const std::size_t r : residuals.chosen()) states.emplace(r, States{});
   std::vector<std::size_t> order(residuals.chosen());
@@ -204,6 +206,11 @@ BasisFit fit_residual_basis(const WhitenedRecordings& residuals, const Fit& fit)
     const Family family = families.at(k);
     std::map<std::size_t, Functions> functions;
     for (const auto& [r, s] : states) functions.emplace(r, functions_of(family, s));
+    if (acted_on &&
+        std::ranges::none_of(functions, [&](const auto& f) { return f.second.contains(*acted_on); })) {
+      found[k].beyond_chance = -std::numeric_limits<double>::infinity();
+      return;
+    }
     std::size_t count = 0;
     for (const auto& [r, f] : functions)
       for (const auto& [channel, list] : f) count = std::max(count, list.size());

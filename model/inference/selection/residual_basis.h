@@ -12,6 +12,7 @@
 //                         fractions' lags and rates
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "model/inference/residuals/whitened_recordings.h"
@@ -28,8 +29,10 @@ struct BasisFit {
   std::vector<double> weights;  // of the family's functions
 };
 
-// The family whose functions explain most beyond chance. `fit` must have a Jacobian.
-BasisFit fit_residual_basis(const WhitenedRecordings& residuals, const Fit& fit);
+// The family whose functions explain most beyond chance, of all or of those that act on one channel. `fit`
+// must have a Jacobian.
+BasisFit fit_residual_basis(const WhitenedRecordings& residuals, const Fit& fit,
+                            std::optional<recordings::Channel> acted_on = {});
 
 // What the functions so weighted add to each channel where the family acts, by recording; worst first in
 // units of the noise, one for each channel.

@@ -298,7 +298,8 @@ class Inquiry {
     out.left = left_by_channel(fine_, after.standardized);
     out.remainder =
         remainder_of(out.left, excess_by_segment_class(fine_, after.standardized), s_.options.floor);
-    if (out.remainder) out.remainder->family = fit_residual_basis(coarse_, after_).family;
+    if (out.remainder)
+      out.remainder->family = fit_residual_basis(coarse_, after_, out.remainder->channel).family;
     if (!s_.held_out.empty()) {
       const WhitenedRecordings locked(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads);
       const WhitenedRecordings locked_coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(),
