@@ -1,5 +1,6 @@
 #include "recordings/analysis/creep.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "recordings/analysis/cycles.h"
@@ -84,10 +85,21 @@ std::vector<Hold> find_holds(const Recording& recording) {
     const auto first = static_cast<std::size_t>(row.start_sample);
     const auto last = std::min(static_cast<std::size_t>(row.end_sample), recording.size() - 1);
     const bool after_ramp = k > 0 && segments[k - 1].kind == "ramp";
-    out.push_back({first, last, row.level, recording.time[last] - recording.time[first],
+    out.push_back({out.size() + 1, first, last, row.level, recording.time[last] - recording.time[first],
                    after_ramp ? segments[k - 1].rate : 0, row.label});
   }
   return out;
+}
+
+std::vector<Hold> long_holds(const Recording& recording, const std::vector<BiasSine>& sines) {
+  auto holds = find_holds(recording);
+  std::erase_if(holds, [&](const Hold& hold) {
+    return std::ranges::find(sines, hold.last, &BiasSine::first) != sines.end();
+  });
+  double longest = 0;
+  for (const auto& hold : holds) longest = std::max(longest, hold.duration);
+  std::erase_if(holds, [&](const Hold& hold) { return hold.duration < 0.5 * longest; });
+  return holds;
 }
 
 Creep measure_creep(const Recording& recording, const Signal& signal, const Hold& hold) {

@@ -5,12 +5,14 @@
 #include <string>
 #include <vector>
 
+#include "recordings/analysis/bias_sines.h"
 #include "recordings/analysis/signals.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::recordings {
 
 struct Hold {
+  std::size_t number = 0;           // from 1, among those of find_holds()
   std::size_t first = 0, last = 0;  // samples, both ends included: the corner after the ramp, and the end
   double level = 0;                 // V/m
   double duration = 0;              // s
@@ -19,6 +21,9 @@ struct Hold {
 };
 // The holds of the segment table with at least ten samples.
 std::vector<Hold> find_holds(const Recording& recording);
+// The long ones, in which creep is followed: of half the length of the longest or more, as short ones lead
+// back to where the next begins. Not the stays at a bias before its sine (`sines`): they are short and many.
+std::vector<Hold> long_holds(const Recording& recording, const std::vector<BiasSine>& sines);
 
 struct Creep {
   Estimate change;                     // end minus start

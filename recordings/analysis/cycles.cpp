@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "recordings/analysis/loops.h"
 #include "recordings/analysis/segments.h"
-#include "recordings/analysis/small_signal.h"
 #include "recordings/analysis/statistics.h"
 
 namespace ferrobench::recordings {
@@ -79,9 +79,9 @@ double base_level(const std::vector<Turn>& turns, double tolerance) {
 
 }  // namespace
 
-Turns turning_points(const Recording& recording) {
+Turns turning_points(const Recording& recording, std::vector<BiasSine> sines) {
   if (!recording.has(Channel::command) && !recording.has(Channel::field)) return {};
-  const auto values = program(recording, bias_sines(recording));
+  const auto values = program(recording, sines);
   const auto range = extremes(values);
   if (!range || !(range->span() > 0)) return {};
   const double span = range->span(), noise = estimate_noise(values);
@@ -110,7 +110,7 @@ Turns turning_points(const Recording& recording) {
   if (corners.front() != first && std::abs(values[first] - values[corners.front()]) > back)
     corners.insert(corners.begin(), first);
   corners.push_back(direction > 0 ? high : low);
-  Turns turns{.points = {}, .span = span, .noise = noise};
+  Turns turns{.points = {}, .span = span, .noise = noise, .sines = std::move(sines)};
   for (std::size_t k = 0; k < corners.size(); ++k)
     turns.points.push_back(plateau(values, corners[k], k > 0 ? corners[k - 1] : first,
                                    k + 1 < corners.size() ? corners[k + 1] : last,
@@ -121,7 +121,7 @@ Turns turning_points(const Recording& recording) {
 std::vector<Cycle> find_cycles(const Recording& recording, const Turns& turns) {
   const auto& points = turns.points;
   if (points.empty()) return {};
-  const auto ramps = ramps_of(recording, bias_sines(recording));
+  const auto ramps = ramps_of(recording, turns.sines);
   const double tolerance = std::max(5 * turns.noise, 0.01 * turns.span);
   const double base = base_level(points, tolerance);
   std::vector<Cycle> cycles;

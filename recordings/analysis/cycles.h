@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "recordings/analysis/bias_sines.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::recordings {
@@ -29,9 +30,13 @@ struct Cycle {
 // Both ends of the program count as turning points. None if the program never changes.
 struct Turns {
   std::vector<Turn> points;
-  double span = 0, noise = 0;  // V/m, of the program
+  double span = 0, noise = 0;   // V/m, of the program
+  std::vector<BiasSine> sines;  // that were taken out
 };
-Turns turning_points(const Recording& recording);
+Turns turning_points(const Recording& recording, std::vector<BiasSine> sines);
+inline Turns turning_points(const Recording& recording) {
+  return turning_points(recording, bias_sines(recording));
+}
 std::vector<Cycle> find_cycles(const Recording& recording, const Turns& turns);
 
 }  // namespace ferrobench::recordings

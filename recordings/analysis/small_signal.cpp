@@ -7,9 +7,7 @@
 #include <numbers>
 #include <utility>
 
-#include "base/error.h"
 #include "base/units.h"
-#include "protocols/protocol.h"
 #include "recordings/analysis/signals.h"
 
 namespace ferrobench::recordings {
@@ -19,19 +17,7 @@ using Complex = std::complex<double>;
 constexpr Complex i_unit{0, 1};
 constexpr double degree = std::numbers::pi / 180;
 constexpr int drift = 4, terms = drift + 6;  // a cubic, and two terms for each of three harmonics
-constexpr std::size_t fewest = 20;    // samples of a fit: those of one cycle, sampled as slowly as allowed
 constexpr double told_from_none = 5;  // standard uncertainties: there |z| is too large by a tenth of one
-
-// The waveform of a protocol with small_signal segments; none for others, and for what is no protocol.
-std::optional<protocols::Waveform> small_signal_program(const nlohmann::json& protocol) {
-  if (!protocol.is_object() || protocol.dump().find("\"small_signal\"") == std::string::npos)
-    return std::nullopt;
-  try {
-    return protocols::Protocol::from_json(protocol).expand();
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
 
 // What a fit makes of one channel at one bias.
 struct Fit {
@@ -71,7 +57,7 @@ class LockIn {
     std::vector<std::size_t> samples;
     for (auto i = sine.first; i <= sine.last; ++i)
       if (time_[i] >= first_cycle && std::isfinite(signal_.values[i])) samples.push_back(i);
-    if (samples.size() < fewest) return std::nullopt;
+    if (samples.size() < fewest_in_sine) return std::nullopt;
     const auto count = static_cast<Eigen::Index>(samples.size());
     Eigen::Matrix<double, Eigen::Dynamic, terms> basis(count, terms);
     Eigen::VectorXd values(count);
@@ -166,38 +152,10 @@ void add_displacement(const Response& displacement, const Specimen& specimen, Sm
 
 }  // namespace
 
-std::vector<BiasSine> bias_sines(const Recording& r) {
-  std::vector<BiasSine> out;
-  const auto program = small_signal_program(r.header.protocol);
-  if (!program || r.size() < fewest) return out;
-  auto approach = Approach::none;
-  const auto pieces = program->pieces();
-  for (std::size_t k = 0; k < std::min(pieces.size(), r.segments.size()); ++k) {
-    const auto& piece = pieces[k];
-    const auto& row = r.segments[k];
-    if (piece.kind == protocols::PieceKind::ramp)
-      approach = piece.to > piece.from ? Approach::up : Approach::down;
-    if (!(piece.sampling > 0) || row.label != program->segments()[k].label || row.start_sample < 0) continue;
-    const auto first = static_cast<std::size_t>(row.start_sample);
-    const auto last = std::min(static_cast<std::size_t>(row.end_sample), r.size() - 1);
-    if (last < first + fewest) continue;
-    const double step = (r.time[last] - r.time[first]) / static_cast<double>(last - first);
-    if (!(r.time[last] - r.time[first] > piece.duration - 1.5 * step)) continue;  // broken off
-    out.push_back({.first = first,
-                   .last = last,
-                   .bias = piece.center,
-                   .amplitude = piece.amplitude,
-                   .cycles = std::round(piece.duration * piece.frequency),
-                   .approach = approach});
-  }
-  return out;
-}
-
-std::vector<SmallSignalPoint> find_small_signal(const Recording& r) {
+std::vector<SmallSignalPoint> find_small_signal(const Recording& r, const std::vector<BiasSine>& sines) {
   std::vector<SmallSignalPoint> out;
   const auto reference = r.has(Channel::field) ? Channel::field : Channel::command;
   if (!r.has(reference) || (!r.has(Channel::charge) && !r.has(Channel::displacement))) return out;
-  const auto sines = bias_sines(r);
   if (sines.empty()) return out;
   const LockIn field(r, reference, sines);
   std::optional<LockIn> charge, displacement;

@@ -30,28 +30,14 @@
 // has an uncertainty then, and there is no phase and no tan delta.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <vector>
 
+#include "recordings/analysis/bias_sines.h"
 #include "recordings/analysis/uncertainty.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::recordings {
-
-enum class Approach { none, up, down };
-
-// One sine of a small_signal segment, as played from its first to its last sample, both at the bias.
-struct BiasSine {
-  std::size_t first = 0, last = 0;
-  double bias = 0, amplitude = 0;  // V/m, as commanded
-  double cycles = 0;
-  Approach approach = Approach::none;  // direction of the last ramp before it
-};
-// Of the recording's protocol, those that were played to their end; none where the recording has no protocol
-// or no segments.
-std::vector<BiasSine> bias_sines(const Recording& recording);
 
 struct SmallSignalPoint {
   BiasSine sine;
@@ -62,6 +48,10 @@ struct SmallSignalPoint {
 };
 // In the order of time. None where neither charge nor displacement was measured; a bias with fewer than
 // twenty samples, because of gaps, is left out.
-std::vector<SmallSignalPoint> find_small_signal(const Recording& recording);
+std::vector<SmallSignalPoint> find_small_signal(const Recording& recording,
+                                                const std::vector<BiasSine>& sines);
+inline std::vector<SmallSignalPoint> find_small_signal(const Recording& recording) {
+  return find_small_signal(recording, bias_sines(recording));
+}
 
 }  // namespace ferrobench::recordings

@@ -1,4 +1,5 @@
-// What several tables of a report need of one recording, found once and only when wanted. Not thread-safe.
+// What several tables and pictures of a report need of one recording, found once and only when wanted. Not
+// thread-safe.
 #pragma once
 
 #include <optional>
@@ -8,6 +9,7 @@
 #include "recordings/analysis/cycles.h"
 #include "recordings/analysis/loop_measures.h"
 #include "recordings/analysis/pund.h"
+#include "recordings/analysis/small_signal.h"
 
 namespace ferrobench::recordings {
 
@@ -17,8 +19,16 @@ class Analysis {
   Analysis(const Recording& r) : recording(r) {}  // NOLINT(google-explicit-constructor)
 
   const Recording& recording;
+  const std::vector<BiasSine>& sines() const {
+    if (!sines_) sines_ = bias_sines(recording);
+    return *sines_;
+  }
+  const std::vector<SmallSignalPoint>& small_signal() const {
+    if (!small_signal_) small_signal_ = find_small_signal(recording, sines());
+    return *small_signal_;
+  }
   const Turns& turns() const {
-    if (!turns_) turns_ = turning_points(recording);
+    if (!turns_) turns_ = turning_points(recording, sines());
     return *turns_;
   }
   const std::vector<Cycle>& cycles() const {
@@ -48,6 +58,8 @@ class Analysis {
   }
 
  private:
+  mutable std::optional<std::vector<BiasSine>> sines_;
+  mutable std::optional<std::vector<SmallSignalPoint>> small_signal_;
   mutable std::optional<Turns> turns_;
   mutable std::optional<std::vector<Cycle>> cycles_;
   mutable std::optional<LoopMeter> meter_;

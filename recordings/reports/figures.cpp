@@ -11,7 +11,6 @@
 #include "recordings/analysis/loops.h"
 #include "recordings/analysis/parts.h"
 #include "recordings/analysis/signals.h"
-#include "recordings/analysis/small_signal.h"
 #include "recordings/analysis/statistics.h"
 #include "recordings/analysis/thinning.h"
 #include "recordings/reports/table.h"
@@ -55,9 +54,8 @@ bool is_stepped(const std::vector<double>& field) {
 }
 
 // Change since the start of the hold against the time since, averaged over a fortieth of a decade.
-Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, std::size_t number,
-                   double unit) {
-  Series out{.label = (hold.label.empty() ? "hold " + std::to_string(number) : hold.label) + ": " +
+Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, double unit) {
+  Series out{.label = (hold.label.empty() ? "hold " + std::to_string(hold.number) : hold.label) + ": " +
                       number_text(hold.level / volts_per_m_in_kv_per_mm) + " kV/mm",
              .points = {}};
   const double start = edge_reading(r, signal, hold.first, hold.last - hold.first + 1, false).value;
@@ -79,25 +77,7 @@ Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, s
   return out;
 }
 
-// With their numbers in the table of holds. Of the long ones only: the short ones lead back to where the next
-// begins. Not the stays at a bias before its sine: they are short and many.
-std::vector<std::pair<std::size_t, Hold>> shown_holds(const Recording& r) {
-  std::vector<std::pair<std::size_t, Hold>> holds;
-  const auto sines = bias_sines(r);
-  double longest = 0;
-  std::size_t number = 0;
-  for (const auto& hold : find_holds(r)) {
-    ++number;
-    if (std::ranges::find(sines, hold.last, &BiasSine::first) != sines.end()) continue;
-    longest = std::max(longest, hold.duration);
-    holds.emplace_back(number, hold);
-  }
-  std::erase_if(holds, [&](const auto& hold) { return hold.second.duration < 0.5 * longest; });
-  if (holds.size() > most_curves) holds.resize(most_curves);
-  return holds;
-}
-
-void add_creep(const Recording& r, const Signal& signal, double unit, const std::string& name,
+void add_creep(const Analysis& analysis, const Signal& signal, double unit, const std::string& name,
                const std::string& unit_name, std::vector<Figure>& figures) {
   Figure figure{.title = "Creep of the " + name,
                 .x_label = "time since the start of the hold [s]",
@@ -105,8 +85,9 @@ void add_creep(const Recording& r, const Signal& signal, double unit, const std:
                 .log_x = true,
                 .square = true,
                 .series = {}};
-  for (const auto& [number, hold] : shown_holds(r))
-    figure.series.push_back(creep_curve(r, signal, hold, number, unit));
+  auto holds = long_holds(analysis.recording, analysis.sines());
+  if (holds.size() > most_curves) holds.resize(most_curves);
+  for (const auto& hold : holds) figure.series.push_back(creep_curve(analysis.recording, signal, hold, unit));
   if (!figure.series.empty()) figures.push_back(std::move(figure));
 }
 
@@ -223,8 +204,7 @@ std::optional<Figure> bias_figure(const std::vector<SmallSignalPoint>& points, c
   return known < 2 || out.series.empty() ? std::nullopt : std::optional(out);
 }
 
-void add_small_signal(const Recording& r, std::vector<Figure>& figures) {
-  const auto points = find_small_signal(r);
+void add_small_signal(const std::vector<SmallSignalPoint>& points, std::vector<Figure>& figures) {
   const auto add = [&](const std::string& title, const std::string& label,
                        std::optional<Estimate> SmallSignalPoint::*value, double unit) {
     if (auto figure = bias_figure(points, title, label, value, unit)) figures.push_back(std::move(*figure));
@@ -260,7 +240,8 @@ std::vector<std::array<double, 2>> band(const std::vector<double>& x, const std:
   return out;
 }
 
-std::vector<Figure> make_figures(const Recording& r) {
+std::vector<Figure> make_figures(const Analysis& analysis) {
+  const auto& r = analysis.recording;
   std::vector<Figure> out;
   if (r.size() < 2 || (!r.has(Channel::field) && !r.has(Channel::command))) return out;
   const auto field = scaled(field_of(r), volts_per_m_in_kv_per_mm);
@@ -274,16 +255,16 @@ std::vector<Figure> make_figures(const Recording& r) {
   const auto channels = shown_channels(r);
   over_time("Field", "field [kV/mm]", field);
   for (const auto& channel : channels) over_time(channel.title, channel.label, channel.values);
-  const auto cycles = find_cycles(r, turning_points(r));
+  const auto& cycles = analysis.cycles();
   const auto parts = parts_of(r, cycles, most_cycles);
   for (const auto& channel : channels)
     if (channel.title != "Force" && (channel.title != "Current" || is_stepped(field)))
       out.push_back(loop_figure(parts, field, channel));
   if (const auto forc = find_forc(r, cycles)) add_forc(*forc, out);
-  add_small_signal(r, out);
+  add_small_signal(analysis.small_signal(), out);
   if (r.has(Channel::displacement))
-    add_creep(r, signal(r, Channel::displacement), metre_in_um, "displacement", "µm", out);
-  if (r.has(Channel::charge)) add_creep(r, polarization(r), 1, "polarization", "C/m²", out);
+    add_creep(analysis, signal(r, Channel::displacement), metre_in_um, "displacement", "µm", out);
+  if (r.has(Channel::charge)) add_creep(analysis, polarization(r), 1, "polarization", "C/m²", out);
   return out;
 }
 

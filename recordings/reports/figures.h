@@ -7,12 +7,12 @@
 
 #include <vector>
 
-#include "recordings/format/recording.h"
+#include "recordings/reports/analysis.h"
 #include "recordings/reports/plot.h"
 
 namespace ferrobench::recordings {
 
-std::vector<Figure> make_figures(const Recording& recording);
+std::vector<Figure> make_figures(const Analysis& analysis);
 
 // The points of y against x, which rises, thinned to the extremes of each of `pieces` stretches of equally
 // many samples: what a picture that many pixels wide can show.

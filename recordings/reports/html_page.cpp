@@ -37,8 +37,8 @@ footer { margin-top: 3rem; opacity: .7; font-size: .85rem; }
 }
 )";
 
-std::string figures_html(const Recording& recording) {
-  const auto figures = make_figures(recording);
+std::string figures_html(const Analysis& analysis) {
+  const auto figures = make_figures(analysis);
   if (figures.empty()) return "";
   const auto drawing = draw(figures);
   std::string wide, pairs;
@@ -66,11 +66,11 @@ std::string html_frame(const std::string& title, const std::string& body) {
          "</footer>\n</body>\n</html>\n";
 }
 
-std::string html_page(const Report& report, const Recording& recording) {
+std::string html_page(const Report& report) {
   std::string body = "<dl>\n";
   for (const auto& [name, value] : report.facts)
     body += "<dt>" + escape_html(name) + "</dt><dd>" + escape_html(value) + "</dd>\n";
-  body += "</dl>\n" + figures_html(recording);
+  body += "</dl>\n" + figures_html(*report.analysis);
   for (const auto& table : report.tables) body += to_html(table);
   return html_frame(report.title, body);
 }

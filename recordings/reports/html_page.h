@@ -7,7 +7,7 @@
 
 namespace ferrobench::recordings {
 
-std::string html_page(const Report& report, const Recording& recording);
+std::string html_page(const Report& report);
 // A page of tables alone.
 std::string html_frame(const std::string& title, const std::string& body);
 

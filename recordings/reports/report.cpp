@@ -63,16 +63,28 @@ nlohmann::json as_json(const Report& report) {
   return out;
 }
 
+// Of a copy whose channels are brought to the time of their row.
+std::shared_ptr<const Analysis> aligned(const Recording& recording) {
+  struct Own {
+    Recording recording;
+    Analysis analysis{recording};
+  };
+  const auto own = std::make_shared<Own>(recording);
+  remove_skew(own->recording);
+  return {own, &own->analysis};
+}
+
 }  // namespace
 
 Report make_report(const Recording& recording) {
-  std::optional<Recording> aligned;
   const auto skews = skew_of(recording.header.device);
   const double skew = *std::ranges::max_element(skews);
-  if (skew > 0) remove_skew(aligned.emplace(recording));
-  const Recording& r = aligned ? *aligned : recording;
+  const auto shared = skew > 0 ? aligned(recording) : std::make_shared<const Analysis>(recording);
+  const auto& analysis = *shared;
+  const Recording& r = analysis.recording;
   const auto& h = r.header;
-  Report report{.title = h.title.empty() ? "Recording" : h.title, .facts = {}, .tables = {}};
+  Report report{
+      .title = h.title.empty() ? "Recording" : h.title, .facts = {}, .tables = {}, .analysis = shared};
   add_fact(report, "status", r.reason.empty() ? r.status : r.status + " (" + r.reason + ")");
   add_fact(report, "start", h.start_time);
   if (r.size() > 1)
@@ -92,7 +104,6 @@ Report make_report(const Recording& recording) {
                number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/µm");
   if (h.past.known()) add_fact(report, "before", protocols::in_words(h.past));
   add_fact(report, "identifier", h.entry_identifier);
-  const Analysis analysis(r);
   for (auto& table : {small_signal_table(analysis), stroke_table(analysis), hysteresis_table(analysis),
                       rate_table(analysis), minor_loop_table(analysis), creep_table(r), pund_table(analysis),
                       pund_tester_table(analysis), pulse_table(analysis), leakage_table(r), fatigue_table(r)})
@@ -101,7 +112,7 @@ Report make_report(const Recording& recording) {
   return report;
 }
 
-std::string render(const Report& report, const Recording& recording, Format format) {
+std::string render(const Report& report, Format format) {
   std::string out;
   switch (format) {
     case Format::text:
@@ -119,7 +130,7 @@ std::string render(const Report& report, const Recording& recording, Format form
     case Format::json:
       return as_json(report).dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
     case Format::html:
-      return html_page(report, recording);
+      return html_page(report);
   }
   return out;
 }

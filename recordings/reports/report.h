@@ -5,6 +5,7 @@
 // A table that the recording has nothing for (no hold, one rate only, no such channel) is left out.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -20,11 +21,13 @@ struct Report {
   std::string title;
   std::vector<std::pair<std::string, std::string>> facts;  // specimen, load, status, ...
   std::vector<Table> tables;
+  std::shared_ptr<const Analysis> analysis;  // behind the tables, for the pictures
 };
 
+// The recording outlives the report.
 Report make_report(const Recording& recording);
 // HTML draws its pictures with gnuplot; without it the page says so in their place.
-std::string render(const Report& report, const Recording& recording, Format format);
+std::string render(const Report& report, Format format);
 
 // The tables one by one, of a recording or of what is known of it already.
 std::optional<Table> stroke_table(const Analysis& analysis);

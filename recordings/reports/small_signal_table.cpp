@@ -26,7 +26,7 @@ std::string in_words(Approach approach) {
 
 std::optional<Table> small_signal_table(const Analysis& analysis) {
   const auto& r = analysis.recording;
-  const auto points = find_small_signal(r);
+  const auto& points = analysis.small_signal();
   if (points.empty()) return std::nullopt;
   const bool charge = r.has(Channel::charge), displacement = r.has(Channel::displacement);
   Table table{

@@ -168,8 +168,7 @@ Outcome report(const Item& item, Products& products) {
     }
     out.rows.push_back(std::move(row));
     out.result[input.name] = std::move(tables);
-    if (settings.report)
-      products.put(input.name + ".html", render(made, recording, recordings::Format::html));
+    if (settings.report) products.put(input.name + ".html", render(made, recordings::Format::html));
   }
   return out;
 }

@@ -52,7 +52,7 @@ int report(const RecordingOptions& o, const Common& common) {
   const auto path = recording_argument(o.recording, common);
   const TextOutput out(o.out, sources_of(path));
   const auto recording = recordings::read_recording(path);
-  out.write(render(recordings::make_report(recording), recording, recordings::format_from_name(o.format)));
+  out.write(render(recordings::make_report(recording), recordings::format_from_name(o.format)));
   return exit_ok;
 }
 

@@ -156,8 +156,7 @@ int replay(const ReplayOptions& o, const Common& common) {
     return Interrupt::count() > 0 ? exit_interrupted : exit_error;
   }
   if (!o.model.empty()) return beside_model(o, replayed.recording, path, existing, common);
-  std::cout << render(recordings::make_report(replayed.recording), replayed.recording,
-                      recordings::format_from_name(o.format));
+  std::cout << render(recordings::make_report(replayed.recording), recordings::format_from_name(o.format));
   return exit_ok;
 }
 

@@ -25,7 +25,7 @@ std::string report_of(const Recording& recording) {
   std::erase_if(report.facts, [](const auto& fact) {
     return fact.first == "start" || fact.first == "device" || fact.first == "identifier";
   });
-  return render(report, recording, recordings::Format::json);
+  return render(report, recordings::Format::json);
 }
 
 }  // namespace

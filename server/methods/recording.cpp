@@ -373,7 +373,7 @@ void add_recording_methods(Dispatcher& rpc, Engine& engine) {
                         [&engine](const ReportParams& p) {
                           const auto format = recordings::format_from_name(p.format);
                           const auto recording = read_to_view(engine, p.name);
-                          auto content = render(make_report(recording), recording, format);
+                          auto content = render(make_report(recording), format);
                           return format == recordings::Format::json ? json::parse(content)
                                                                     : json{{"content", std::move(content)}};
                         });

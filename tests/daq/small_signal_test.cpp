@@ -205,7 +205,7 @@ TEST(SmallSignal, ItsCyclesAreNoLoops) {
 TEST(SmallSignal, AReportHasItsTableAndPictures) {
   const auto r = played(capacitor(), staircase(6), fine);
   const auto json =
-      nlohmann::json::parse(render(recordings::make_report(r), r, recordings::Format::json))["small_signal"];
+      nlohmann::json::parse(render(recordings::make_report(r), recordings::Format::json))["small_signal"];
   ASSERT_EQ(json["rows"].size(), 3U);
   EXPECT_NEAR(json["rows"][1]["capacitance_F"].get<double>(), capacitance, 1e-4 * capacitance);
   EXPECT_EQ(json["rows"][1]["approached"], "down");

@@ -358,8 +358,7 @@ class Bench {
         demand_part(r);
       }
       const auto report = make_report(r);
-      for (const auto format : {recordings::Format::text, recordings::Format::json})
-        render(report, r, format);
+      for (const auto format : {recordings::Format::text, recordings::Format::json}) render(report, format);
       std::ostringstream text;
       export_json(r, text);
       return r;

@@ -16,7 +16,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const auto summary = recordings::read_summary(path);
     const auto r = recordings::read_recording(path);
     fuzz::demand(summary.rows == r.size(), "the rows of the summary");
-    render(make_report(r), r, recordings::Format::json);
+    render(make_report(r), recordings::Format::json);
     std::ostringstream text;
     export_json(r, text);
   } catch (const Error&) {

@@ -151,7 +151,7 @@ TEST(Imports, PulsesFollowEachOther) {
   EXPECT_EQ(r.size(), 5u * 201u);
   EXPECT_THAT(said(tables[0], "pulse"), HasSubstr("pulse 2 of 5, after 0.99 s without samples"));
   EXPECT_THAT(said(tables[0], "check"), HasSubstr("A dP against the integral of I dt"));
-  const auto report = render(make_report(r), r, Format::text);
+  const auto report = render(make_report(r), Format::text);
   EXPECT_THAT(report, HasSubstr("Pulses (PUND)"));
   EXPECT_THAT(report, HasSubstr("not switching"));
 }
@@ -163,7 +163,7 @@ TEST(Imports, LeakageHasACurrentAndNoCharge) {
     const auto& r = tables[0].recording;
     EXPECT_FALSE(r.has(Channel::charge));
     ASSERT_NE(other(r, "current"), nullptr);
-    EXPECT_THAT(render(make_report(r), r, Format::text), HasSubstr("resistivity [Ω m]"));
+    EXPECT_THAT(render(make_report(r), Format::text), HasSubstr("resistivity [Ω m]"));
   }
   const auto stepped = import(imports::aixacct_leakage());
   EXPECT_DOUBLE_EQ(stepped[0].recording.time.front(), 2);  // at the end of the first step
@@ -179,7 +179,7 @@ TEST(Imports, FatigueHasItsReadingsInOrderAndTheLoopsBetween) {
   EXPECT_NEAR(r.at(Channel::command)[0], 4.5 / 200e-9, 1);
   ASSERT_NE(other(r, "cycles"), nullptr);
   EXPECT_NEAR((*other(r, "1_dhm_pr_plus"))[3], 0.16, 1e-12);
-  EXPECT_THAT(render(make_report(r), r, Format::text), HasSubstr("Fatigue"));
+  EXPECT_THAT(render(make_report(r), Format::text), HasSubstr("Fatigue"));
   EXPECT_TRUE(tables[1].recording.has(Channel::charge));
 }
 
@@ -303,7 +303,7 @@ TEST(Imports, RealFiles) {
     ASSERT_EQ(tables.size(), count) << file;
     for (const auto& table : tables) {
       EXPECT_EQ(table.recording.size(), rows) << file;
-      EXPECT_FALSE(render(make_report(table.recording), table.recording, Format::text).empty());
+      EXPECT_FALSE(render(make_report(table.recording), Format::text).empty());
     }
     if (std::string_view(file) == "aixacct_piezo_loops.dat") {
       EXPECT_THAT(said(tables[0], "warning"), HasSubstr("72.4 V above"));

@@ -62,7 +62,7 @@ TEST(Clipping, IsKnownFromTheEventsWhereThereAreNoCounts) {
 TEST(Clipping, MarksTheCellsOfAReportInEveryFormat) {
   const auto r = clipped_recording();
   const auto report = make_report(r);
-  const auto out = json::parse(render(report, r, Format::json));
+  const auto out = json::parse(render(report, Format::json));
   const auto& creep = out["creep"]["rows"];
   ASSERT_EQ(creep.size(), 2u);
   EXPECT_FALSE(creep[0].contains("clipped"));
@@ -75,11 +75,11 @@ TEST(Clipping, MarksTheCellsOfAReportInEveryFormat) {
   EXPECT_THAT(out["creep"]["notes"].dump(), HasSubstr("displacement: "));
   for (const auto& row : out["stroke"]["rows"])
     EXPECT_THAT(row["clipped"].get<std::vector<std::string>>(), ElementsAre("stroke_um", "strain_percent"));
-  EXPECT_THAT(render(report, r, Format::text), HasSubstr("32.77 !"));
-  EXPECT_THAT(render(report, r, Format::text), HasSubstr("end of the converter's range"));
-  EXPECT_THAT(render(report, r, Format::md), HasSubstr("32.77 !"));
-  EXPECT_THAT(render(report, r, Format::html), HasSubstr("<td class=\"clipped\">32.77 !</td>"));
-  const auto csv = render(report, r, Format::csv);
+  EXPECT_THAT(render(report, Format::text), HasSubstr("32.77 !"));
+  EXPECT_THAT(render(report, Format::text), HasSubstr("end of the converter's range"));
+  EXPECT_THAT(render(report, Format::md), HasSubstr("32.77 !"));
+  EXPECT_THAT(render(report, Format::html), HasSubstr("<td class=\"clipped\">32.77 !</td>"));
+  const auto csv = render(report, Format::csv);
   EXPECT_THAT(csv, HasSubstr(",clipped\n"));
   EXPECT_THAT(csv, HasSubstr(",stroke_um strain_percent\n"));
 }
@@ -90,8 +90,8 @@ TEST(Clipping, AnUnclippedReportSaysNothingOfIt) {
   r.raw->counts.assign(r.size(), 1000);
   const auto report = make_report(r);
   for (const auto format : {Format::text, Format::md, Format::csv, Format::json})
-    EXPECT_THAT(render(report, r, format), Not(HasSubstr("clipped"))) << static_cast<int>(format);
-  EXPECT_THAT(render(report, r, Format::text), Not(HasSubstr(" !")));
+    EXPECT_THAT(render(report, format), Not(HasSubstr("clipped"))) << static_cast<int>(format);
+  EXPECT_THAT(render(report, Format::text), Not(HasSubstr(" !")));
 }
 
 TEST(Clipping, AClippedCellOfAPublishedTableIsMarkedAndCountsForNoError) {

@@ -246,7 +246,7 @@ Recording hostile_names() {
 
 TEST(Render, HtmlIsOnePageWithNothingOfTheFileUnescaped) {
   const auto r = hostile_names();
-  const auto page = render(make_report(r), r, Format::html);
+  const auto page = render(make_report(r), Format::html);
   for (const auto* forbidden :
        {"<script", "<img", "<b>hold", "<i>", "<link", "@import", "url(http", "xlink:href='http"})
     EXPECT_THAT(page, Not(HasSubstr(forbidden)));
@@ -302,15 +302,15 @@ TEST(Reports, WhoDrawsInheritsNothingAndIsGivenUpWithAllThatItStarted) {
 TEST(Render, EveryFormatCarriesTheTables) {
   const auto r = hostile_names();
   const auto report = make_report(r);
-  const auto json = nlohmann::json::parse(render(report, r, Format::json));
+  const auto json = nlohmann::json::parse(render(report, Format::json));
   EXPECT_NEAR(json["creep"]["rows"][0]["displacement_change_um"].get<double>(), 1.5, 1e-6);
   EXPECT_EQ(json["events"]["rows"][0]["kind"], "<i>");
-  const auto csv = render(report, r, Format::csv);
+  const auto csv = render(report, Format::csv);
   EXPECT_THAT(csv, HasSubstr("hold,label,field_kV_per_mm"));
   EXPECT_THAT(csv, HasSubstr("\"'=cmd()|a,\"\"b\"\"\\nnext\""));
-  EXPECT_THAT(render(report, r, Format::md), HasSubstr("## Creep per hold"));
-  EXPECT_THAT(render(report, r, Format::md), Not(HasSubstr("<b>")));
-  EXPECT_THAT(render(report, r, Format::text), HasSubstr("Creep per hold"));
+  EXPECT_THAT(render(report, Format::md), HasSubstr("## Creep per hold"));
+  EXPECT_THAT(render(report, Format::md), Not(HasSubstr("<b>")));
+  EXPECT_THAT(render(report, Format::text), HasSubstr("Creep per hold"));
   EXPECT_THROW(format_from_name("pdf"), Error);
 }
 
@@ -320,7 +320,7 @@ TEST(Render, AnEmptyRecordingHasAReport) {
   r.set(Channel::field);
   r.set(Channel::displacement);
   for (const auto format : {Format::text, Format::md, Format::csv, Format::json, Format::html})
-    EXPECT_NO_THROW(render(make_report(r), r, format));
+    EXPECT_NO_THROW(render(make_report(r), format));
 }
 
 TEST(Render, GapsAreNotMeasured) {

@@ -102,7 +102,7 @@ Recording triangles(double noise) {
 }
 
 double uncertainty_of_stroke(const Recording& r) {
-  const auto table = nlohmann::json::parse(render(make_report(r), r, Format::json))["stroke"];
+  const auto table = nlohmann::json::parse(render(make_report(r), Format::json))["stroke"];
   return table["rows"][0]["stroke_um_uncertainty"];
 }
 
@@ -128,7 +128,7 @@ TEST(Uncertainty, GrowsWithTheNoise) {
 TEST(Uncertainty, StandsBesideTheFigureInEveryFormat) {
   const auto r = triangles(2e-8);
   const auto report = make_report(r);
-  const auto json = nlohmann::json::parse(render(report, r, Format::json))["stroke"];
+  const auto json = nlohmann::json::parse(render(report, Format::json))["stroke"];
   std::map<std::string, std::string> keys;
   for (const auto& column : json["columns"])
     if (column.contains("uncertainty")) keys[column["key"]] = column["uncertainty"];
@@ -142,9 +142,9 @@ TEST(Uncertainty, StandsBesideTheFigureInEveryFormat) {
   const auto shown = with_uncertainty(value, u);
   EXPECT_THAT(shown, HasSubstr("("));
   for (const auto format : {Format::text, Format::html})
-    EXPECT_THAT(render(report, r, format), ::testing::AllOf(HasSubstr(shown), HasSubstr("(k = 2)")));
-  EXPECT_THAT(render(report, r, Format::md), HasSubstr(shown));
-  const auto csv = render(report, r, Format::csv);
+    EXPECT_THAT(render(report, format), ::testing::AllOf(HasSubstr(shown), HasSubstr("(k = 2)")));
+  EXPECT_THAT(render(report, Format::md), HasSubstr(shown));
+  const auto csv = render(report, Format::csv);
   EXPECT_THAT(csv, HasSubstr("stroke_um,stroke_um_uncertainty,strain_percent,strain_percent_uncertainty,"));
   EXPECT_THAT(json["notes"].dump(), HasSubstr("k = 2"));
 }
@@ -154,7 +154,7 @@ TEST(Uncertainty, IsNotStatedOfWhatWasSimulatedWithoutNoise) {
   r.header.device = {};
   const auto report = make_report(r);
   for (const auto& table : report.tables) EXPECT_TRUE(table.uncertainty.empty()) << table.key;
-  EXPECT_THAT(render(report, r, Format::text), Not(HasSubstr("k = 2")));
+  EXPECT_THAT(render(report, Format::text), Not(HasSubstr("k = 2")));
 }
 
 }  // namespace
