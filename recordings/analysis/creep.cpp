@@ -102,6 +102,51 @@ std::vector<Hold> long_holds(const Recording& recording, const std::vector<BiasS
   return holds;
 }
 
+std::optional<Estimate> creep_after(const Recording& recording, const Signal& signal, const Hold& hold,
+                                    double seconds) {
+  const auto begin = recording.time.begin() + static_cast<std::ptrdiff_t>(hold.first);
+  const auto end = recording.time.begin() + static_cast<std::ptrdiff_t>(hold.last) + 1;
+  // The index of the first sample so late.
+  const auto at = [&](double after) {
+    return static_cast<std::size_t>(std::lower_bound(begin, end, *begin + after) - recording.time.begin());
+  };
+  constexpr double half_bin = 0.05, rounding = 1e-9;  // decades; of a time
+  constexpr std::size_t fewest = 8;
+  const double factor = std::pow(10, half_bin);
+  auto first = at(seconds / factor), last = at(seconds * factor);
+  Reading reading;
+  if (signal.exact || last - first < fewest) {
+    const auto next = at(seconds * (1 - rounding));
+    if (next > hold.last || next == hold.first) return std::nullopt;
+    const double before = recording.time[next - 1], after = recording.time[next];
+    const double share = std::min(1.0, (*begin + seconds - before) / (after - before));
+    reading.weights = {{next - 1, 1 - share}, {next, share}};
+  } else {
+    if (last > hold.last) return std::nullopt;
+    for (; first < last; ++first)
+      if (!std::isnan(signal.values[first])) reading.weights.push_back({first, 1});
+    for (auto& w : reading.weights) w.weight /= static_cast<double>(reading.weights.size());
+  }
+  for (const auto& w : reading.weights) reading.value += w.weight * signal.values[w.sample];
+  const auto start = edge_reading(recording, signal, hold.first, hold.last - hold.first + 1, false);
+  if (reading.weights.empty() || !std::isfinite(reading.value - start.value)) return std::nullopt;
+  return signal.estimate(reading - start);
+}
+
+std::vector<double> reading_times(const Recording& recording, const std::vector<Hold>& holds) {
+  double from = INFINITY, to = 0;
+  for (const auto& hold : holds) {
+    from = std::min(from, 2.5 * (recording.time[hold.first + 1] - recording.time[hold.first]));
+    to = std::max(to, hold.duration);
+  }
+  std::vector<double> out;
+  if (!(from > 0) || !(from < to)) return out;
+  for (int decade = static_cast<int>(std::floor(std::log10(from))); std::pow(10, decade) <= to; ++decade)
+    for (const double digit : {1, 2, 5})
+      if (const double t = digit * std::pow(10, decade); t >= from && t <= to) out.push_back(t);
+  return out;
+}
+
 Creep measure_creep(const Recording& recording, const Signal& signal, const Hold& hold) {
   const auto count = hold.last - hold.first + 1;
   Creep out;

@@ -40,4 +40,12 @@ struct Creep {
 // to half have none: noise chooses the places from which they are read.
 Creep measure_creep(const Recording& recording, const Signal& signal, const Hold& hold);
 
+// The change since the start of the hold, `seconds` after it: the mean of the samples within a twentieth of a
+// decade of that time on either side. Where they are fewer than eight, or the signal is exact, what lies
+// between the two next samples. None where the hold does not go on for so long, or there is a gap.
+std::optional<Estimate> creep_after(const Recording& recording, const Signal& signal, const Hold& hold,
+                                    double seconds);
+// 1, 2 and 5 of every decade [s], from three samples after the start of a hold on, for all of these holds.
+std::vector<double> reading_times(const Recording& recording, const std::vector<Hold>& holds);
+
 }  // namespace ferrobench::recordings

@@ -104,10 +104,16 @@ Report make_report(const Recording& recording) {
                number_text(h.load.spring_stiffness / newton_per_m_in_n_per_um) + " N/µm");
   if (h.past.known()) add_fact(report, "before", protocols::in_words(h.past));
   add_fact(report, "identifier", h.entry_identifier);
-  for (auto& table : {small_signal_table(analysis), stroke_table(analysis), hysteresis_table(analysis),
-                      rate_table(analysis), minor_loop_table(analysis), creep_table(r), pund_table(analysis),
-                      pund_tester_table(analysis), pulse_table(analysis), leakage_table(r), fatigue_table(r)})
+  const auto add = [&](const std::optional<Table>& table) {
     if (table) report.tables.push_back(*table);
+  };
+  for (const auto& table : {small_signal_table(analysis), stroke_table(analysis), hysteresis_table(analysis),
+                            rate_table(analysis), minor_loop_table(analysis), creep_table(r)})
+    add(table);
+  for (const auto& table : creep_readings(analysis)) report.tables.push_back(table);
+  for (const auto& table : {pund_table(analysis), pund_tester_table(analysis), pulse_table(analysis),
+                            leakage_table(r), fatigue_table(r)})
+    add(table);
   if (!r.events.empty()) report.tables.push_back(event_table(r));
   return report;
 }

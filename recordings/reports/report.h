@@ -33,6 +33,8 @@ std::string render(const Report& report, Format format);
 std::optional<Table> stroke_table(const Analysis& analysis);
 std::optional<Table> hysteresis_table(const Analysis& analysis);
 std::optional<Table> creep_table(const Recording& recording);
+// Displacement and polarization as they creep, one table each.
+std::vector<Table> creep_readings(const Analysis& analysis);
 std::optional<Table> rate_table(const Analysis& analysis);
 std::optional<Table> minor_loop_table(const Analysis& analysis);
 std::optional<Table> pulse_table(const Analysis& analysis);  // positive-up-negative-down, pulse by pulse

@@ -171,6 +171,25 @@ TEST(CreepReport, LogarithmicHasItsRate) {
   EXPECT_NEAR(creep_of(creep_recording(law, 1e-8)).per_decade->value, 3e-7, 1.5e-8);
 }
 
+TEST(CreepReport, ReadingsAreSpacedByTheLogarithmOfTime) {
+  const auto law = [](double t) { return 3e-7 * std::log10(1 + t); };
+  const std::vector<double> times{0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10};
+  for (const double noise : {0.0, 2e-9}) {
+    const auto r = creep_recording(law, noise);
+    const auto tables = creep_readings(r);
+    ASSERT_EQ(tables.size(), 1u);
+    const auto& table = tables.front();
+    ASSERT_EQ(table.columns.size(), 3 + times.size());
+    EXPECT_EQ(table.columns[3].key, "after_0.02_s_um");
+    ASSERT_EQ(table.rows.size(), 1u);
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      const double u = noise > 0 ? table.uncertainty.at({0, 3 + k}) : 0;
+      EXPECT_NEAR(std::get<double>(table.rows[0][3 + k]), 1e6 * law(times[k]), 3 * u + 1e-6) << times[k];
+      EXPECT_LT(u, 1e6 * 2 * noise + 1e-12);
+    }
+  }
+}
+
 TEST(CreepReport, RangeSeesWhatComesBack) {
   const auto creep = creep_of(creep_recording([](double t) { return 1e-6 * std::sin(2 * pi * t / 15); }, 0));
   EXPECT_NEAR(creep.change.value, 0, 1e-12);
