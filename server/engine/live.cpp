@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "recordings/format/iso_time.h"
 #include "server/rpc/schemas.h"
 
 namespace ferrobench::server {
@@ -40,7 +41,8 @@ void append(json& to, const json& from) {
 Topic samples_topic() {
   return {.name = "samples",
           .doc = "smallest and largest value of each channel over stretches of rows, while a run goes on",
-          .schema = schema::object({{"run", schema::text()}, {"columns", schema::stretches()}}),
+          .schema = schema::object(
+              {{"run", schema::text()}, {"measured", schema::text()}, {"columns", schema::stretches()}}),
           .merge = merge_samples};
 }
 
@@ -75,6 +77,7 @@ void merge_samples(json& held, const json& next) {
     held = next;
     return;
   }
+  held["measured"] = next["measured"];
   for (const auto& [name, column] : next["columns"].items()) {
     if (column.is_array()) {
       append(columns[name], column);
@@ -97,7 +100,7 @@ void LiveStream::add(const recordings::Rows& rows) {
     held_ = nullptr;
     return;
   }
-  json next{{"run", run_}, {"columns", decimate(rows, bins_per_block)}};
+  json next{{"run", run_}, {"measured", recordings::iso_now()}, {"columns", decimate(rows, bins_per_block)}};
   if (held_.is_null()) {
     held_ = std::move(next);
   } else {

@@ -1,9 +1,11 @@
 // What goes by, for those who watch: first, smallest and largest value of each channel over stretches of
 // rows, few enough to draw.
 //
-// The topic "samples": {run, columns: {time: [..], command: {first: [..], min: [..], max: [..]}, ..}}, SI
-// units; a time is that of the first row of its stretch. Messages merge by joining their stretches, and
-// neighbours are joined where there would be more than max_bins.
+// The topic "samples": {run, measured, columns: {time: [..], command: {first: [..], min: [..], max: [..]},
+// ..}}, SI units; a time is that of the first row of its stretch. `measured` is the moment of the last row by
+// this machine's clock, as it was seen in the journal: late by the 15 ms between two looks at most, unless
+// the disk or the machine is slow. Messages merge by joining their stretches, and neighbours are joined where
+// there would be more than max_bins.
 #pragma once
 
 #include <chrono>

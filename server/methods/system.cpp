@@ -1,5 +1,6 @@
 #include <map>
 
+#include "recordings/format/iso_time.h"
 #include "recordings/format/version.h"
 #include "server/methods/methods.h"
 #include "server/queue/queue.h"
@@ -10,7 +11,7 @@ namespace ferrobench::server {
 namespace {
 
 struct SystemInfo {
-  std::string version{}, commit{}, data_folder{};
+  std::string version{}, commit{}, data_folder{}, time{};
   double uptime = 0;  // s
   daq::Limits limits{};
   RunState run_state = RunState::idle;
@@ -20,6 +21,8 @@ void describe(Visitor& visit, SystemInfo& s) {
   visit("version", s.version, {.required = true});
   visit("commit", s.commit, {.required = true});
   visit("data_folder", s.data_folder, {.doc = "recordings are in \"recordings\" below it"});
+  visit("time", s.time,
+        {.required = true, .doc = "by the daemon's clock, ISO 8601: that of every moment that it tells"});
   visit("uptime_s", s.uptime, {.unit = "s"});
   visit("limits", s.limits, {.doc = "in force"});
   visit("run_state", s.run_state, {});
@@ -178,6 +181,7 @@ void add_system_methods(Dispatcher& rpc, Engine& engine) {
                       return SystemInfo{.version = std::string(recordings::software_version()),
                                         .commit = std::string(recordings::software_commit()),
                                         .data_folder = engine.store().folder().string(),
+                                        .time = recordings::iso_now(),
                                         .uptime = engine.uptime(),
                                         .limits = engine.limits(),
                                         .run_state = engine.status().state};

@@ -111,7 +111,7 @@ async function finished(status) {
 
 async function greet() {
   await lease.reconnected();
-  version = (await rpc.call("system.info")).version;
+  version = (await contact.compare()).version;
   showConnection();
   for (const topic of ["run", "events", "job", "queue"]) await rpc.call("subscribe", { topic });
   await rpc.call("subscribe", { topic: "samples", max_rate_Hz: 30 });
@@ -156,7 +156,7 @@ function show() {
 
 rpc.on("run", (status) => run.show(status));
 rpc.on("samples", (samples) => {
-  contact.sampled();
+  contact.sampled(samples.measured);
   live.add(samples);
   if (run.busy()) run.showOutput(samples.columns.command?.first.at(-1));
 });

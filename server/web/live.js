@@ -123,6 +123,7 @@ export function chartTools(charts, ...more) {
 export class Live {
   #columns = { time: [] };
   #drawn = true;
+  #measured = ""; // the moment of the newest sample
   #next = 0; // when it is drawn again at the earliest, ms
   #before = null; // messages that came while what was measured before is read
 
@@ -180,8 +181,9 @@ export class Live {
     this.#say();
   }
 
-  add({ run, columns }) {
+  add({ run, measured, columns }) {
     if (run !== this.id) this.begin(run);
+    this.#measured = measured;
     if (this.#before) return this.#before.push(columns);
     this.#append(columns);
     this.#draw();
@@ -205,9 +207,10 @@ export class Live {
     this.#columns = thinned;
   }
 
-  // How many points are drawn, and the time of the last one.
+  // How many points are drawn, the time of the last one, and when that was measured.
   #say() {
     const { dataset } = byId("live");
+    dataset.measured = this.#measured;
     dataset.points = this.#columns.time.length;
     dataset.newest = this.#columns.time.at(-1) ?? "";
   }

@@ -324,7 +324,7 @@ TEST(Live, MergingKeepsExtremesAndStaysSmall) {
   for (std::size_t first = 0; first < time.size(); first += 100) {
     recordings::Rows rows{.time = std::span(time).subspan(first, 100), .channels = {}, .counts = {}};
     rows.channels[static_cast<std::size_t>(Channel::field)] = std::span(field).subspan(first, 100);
-    json next{{"run", "r"}, {"columns", decimate(rows, 20)}};
+    json next{{"run", "r"}, {"measured", std::to_string(first)}, {"columns", decimate(rows, 20)}};
     if (held.is_null()) {
       held = next;
     } else {
@@ -340,6 +340,7 @@ TEST(Live, MergingKeepsExtremesAndStaysSmall) {
   EXPECT_EQ(high, 7);
   EXPECT_EQ(columns["time"][0], 0);
   EXPECT_EQ(columns["field"]["first"][0], 0);
+  EXPECT_EQ(held["measured"], "4900") << "that of the newest";
 }
 
 // Begun by the server, measured by the bench, followed and made into a file by the server.

@@ -220,6 +220,7 @@ class SystemInfo(TypedDict, total=False):
     data_folder: str  # recordings are in "recordings" below it
     limits: Limits  # in force
     run_state: Literal["idle", "arming", "running", "pausing", "paused", "stopping", "complete", "aborted"]
+    time: str  # by the daemon's clock, ISO 8601: that of every moment that it tells
     uptime_s: float  # [s]
     version: str
 
@@ -645,6 +646,7 @@ class QueueMessage(TypedDict, total=False):
 
 class SamplesMessage(TypedDict, total=False):
     columns: SamplesMessageColumns
+    measured: str
     run: str
 
 
