@@ -12,7 +12,6 @@ using nlohmann::json;
 namespace {
 
 constexpr std::size_t bins_per_block = 20;
-constexpr std::chrono::milliseconds interval{33};
 
 // JSON has no NaN: a stretch without a value is null.
 json value(double v) {
@@ -106,7 +105,7 @@ void LiveStream::add(const recordings::Rows& rows) {
   } else {
     merge_samples(held_, next);
   }
-  if (std::chrono::steady_clock::now() - sent_ >= interval) send();
+  if (pace_.passes(Pace::Clock::now())) send();
 }
 
 void LiveStream::finish() {
@@ -117,7 +116,6 @@ void LiveStream::finish() {
 void LiveStream::send() {
   hub_.publish("samples", held_);
   held_ = nullptr;
-  sent_ = std::chrono::steady_clock::now();
 }
 
 }  // namespace ferrobench::server

@@ -14,6 +14,7 @@
 
 #include "recordings/format/parts.h"
 #include "server/rpc/hub.h"
+#include "server/rpc/pace.h"
 
 namespace ferrobench::server {
 
@@ -37,7 +38,7 @@ class LiveStream {
   Hub& hub_;
   std::string run_;
   nlohmann::json held_;
-  std::chrono::steady_clock::time_point sent_;
+  Pace pace_{std::chrono::milliseconds(33)};
 };
 
 }  // namespace ferrobench::server

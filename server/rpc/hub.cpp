@@ -46,9 +46,9 @@ void Hub::publish(std::string_view topic, const json& params) {
   if (found == subscriptions_.end()) return;
   std::erase_if(found->second, [](const Subscription& s) { return s.subscriber->closed(); });
   Subscriber::Text whole;  // one text for all who get every message
-  const auto now = Clock::now();
+  const auto now = Pace::Clock::now();
   for (auto& s : found->second) {
-    if (s.interval == Clock::duration::zero()) {
+    if (s.pace.everything()) {
       if (!whole) whole = notification(known->first, params);
       dropped_ += s.subscriber->offer(known->first, whole);
       continue;
@@ -58,8 +58,7 @@ void Hub::publish(std::string_view topic, const json& params) {
     } else {
       s.held = params;
     }
-    if (now - s.last < s.interval) continue;
-    s.last = now;
+    if (!s.pace.passes(now)) continue;
     dropped_ +=
         s.subscriber->offer(known->first, notification(known->first, *std::exchange(s.held, std::nullopt)));
   }
@@ -104,17 +103,18 @@ void Hub::subscribe(std::string_view topic, const std::shared_ptr<Subscriber>& s
                         .message = "this topic is always sent in full",
                         .given = *max_rate,
                         .hint = "leave it out"});
-  const auto interval =
-      max_rate ? std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / *max_rate))
-               : Clock::duration::zero();
+  Pace pace;
+  if (max_rate)
+    pace =
+        Pace(std::chrono::duration_cast<Pace::Clock::duration>(std::chrono::duration<double>(1 / *max_rate)));
   const std::scoped_lock lock(mutex_);
   auto& list = subscriptions_[known.name];
   const auto mine =
       std::find_if(list.begin(), list.end(), [&](const auto& s) { return s.subscriber == subscriber; });
   if (mine != list.end()) {
-    mine->interval = interval;
+    mine->pace = pace;
   } else {
-    list.push_back({subscriber, interval, {}, std::nullopt});
+    list.push_back({subscriber, pace, std::nullopt});
   }
 }
 

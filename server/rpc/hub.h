@@ -5,7 +5,6 @@
 // full.
 #pragma once
 
-#include <chrono>
 #include <functional>
 #include <map>
 #include <memory>
@@ -16,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "server/rpc/pace.h"
 #include "server/rpc/subscriber.h"
 
 namespace ferrobench::server {
@@ -54,11 +54,9 @@ class Hub {
   void remove(const Subscriber& subscriber);                               // from every topic
 
  private:
-  using Clock = std::chrono::steady_clock;
   struct Subscription {
     std::shared_ptr<Subscriber> subscriber;
-    Clock::duration interval{};  // zero: every message
-    Clock::time_point last;
+    Pace pace;
     std::optional<nlohmann::json> held;
   };
   const Topic& find(std::string_view name) const;

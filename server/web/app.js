@@ -52,6 +52,7 @@ const contact = new Contact(rpc, (status, held) => {
 let greeted = false;
 let version = "";
 let view = { name: "bench", part: "" };
+let outputShown = 0; // ms
 
 function allowStart() {
   const why = contact.silent ? "The daemon does not answer." : run.busy() ? "A run is under way." : lease.blocked ? `${lease.status.holder} controls the bench.` : "";
@@ -113,8 +114,7 @@ async function greet() {
   await lease.reconnected();
   version = (await contact.compare()).version;
   showConnection();
-  for (const topic of ["run", "events", "job", "queue"]) await rpc.call("subscribe", { topic });
-  await rpc.call("subscribe", { topic: "samples", max_rate_Hz: 30 });
+  for (const topic of ["run", "samples", "events", "job", "queue"]) await rpc.call("subscribe", { topic });
   run.show(await rpc.call("run.status"));
   const [limits, devices] = await Promise.all([showLimits(rpc), device.load(), recordings.refresh(), model.refresh(), queue.refresh()]);
   await experiment.load(limits, devices);
@@ -158,7 +158,10 @@ rpc.on("run", (status) => run.show(status));
 rpc.on("samples", (samples) => {
   contact.sampled(samples.measured);
   live.add(samples);
-  if (run.busy()) run.showOutput(samples.columns.command?.first.at(-1));
+  const now = performance.now();
+  if (!run.busy() || now - outputShown < 100) return; // nobody reads faster
+  outputShown = now;
+  run.showOutput(samples.columns.command?.first.at(-1));
 });
 rpc.on("events", (event) => {
   addEvent(event);

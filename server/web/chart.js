@@ -14,12 +14,18 @@ export async function loadPlots() {
   }
   document.head.prepend(element("link", { rel: "stylesheet", href: `${folder}/uPlot.min.css` }));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    colours.clear();
     for (const chart of charts) chart.recolour();
   });
   return true;
 }
 
-export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+// Of the style sheet, each read once: to ask for one makes the browser work out all styles that have changed.
+const colours = new Map();
+export function colour(name) {
+  if (!colours.get(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  return colours.get(name);
+}
 
 // Of the k-th of several things that have no order.
 export const kindColour = (k) => colour(`--c${(k % 6) + 1}`);
@@ -45,7 +51,16 @@ function padded([low, high], share = 0.05) {
   return [low - room, high + room];
 }
 
-const scaled = (column, factor) => Float64Array.from(column, (v) => (v === null || v === undefined ? NaN : v * factor));
+// A scale of what still grows: the one before while it holds the data and they fill half of it, else one with room ahead, so
+// that few pictures of a run need new axes.
+const holds = (scale, [low, high]) => scale && low >= scale[0] && high <= scale[1] && 2 * (high - low) >= scale[1] - scale[0];
+const growth = 0.25;
+
+function scaled(column, factor) {
+  const out = new Float64Array(column.length);
+  for (let i = 0; i < out.length; ++i) out[i] = (column[i] ?? NaN) * factor;
+  return out;
+}
 
 // The index of the last value of a rising column that is not above x.
 function indexAt(column, x) {
@@ -87,6 +102,8 @@ export class Chart {
   #legend = element("span", { class: "legend" });
   #reading = element("span", { class: "reading" });
   #zoom = { x: null, y: null };
+  #scale = null; // {x, y} of what is drawn
+  #described = -Infinity; // ms
   #pointer = null;
 
   // {title, x: {name, unit, factor}, y: likewise, height, loop, log, group}; a group shares its time axis and cursors.
@@ -142,6 +159,18 @@ export class Chart {
 
   // Curves in SI: {name, colour: () => text, x, y} or {.., x, low, high}; dots: true marks each point, and joins near ones alone.
   set(curves) {
+    this.#take(curves);
+    this.recolour();
+  }
+
+  // The same of a run under way: of each curve the first `drawn` points are as they were last time, and drawn already.
+  extend(curves, drawn) {
+    this.#take(curves);
+    if (drawn === 0) this.#name();
+    this.#redraw(true, drawn);
+  }
+
+  #take(curves) {
     const { x, y } = this.options;
     this.curves = curves.map((c) => {
       const xs = scaled(c.x, x.factor);
@@ -149,13 +178,16 @@ export class Chart {
       return { ...c, x: xs, low, high: c.high && c.high !== c.low ? scaled(c.high, y.factor) : low };
     });
     this.#frame.dataset.points = this.curves.reduce((n, c) => n + c.x.length, 0);
-    this.recolour();
   }
 
   recolour() {
+    this.#name();
+    this.redraw();
+  }
+
+  #name() {
     const named = this.curves.filter((c) => c.name);
     this.#legend.replaceChildren(...(named.length > 1 || this.options.legend ? this.#keys(named) : []));
-    this.redraw();
   }
 
   // Of many in order the first and the last tell the scale.
@@ -185,12 +217,28 @@ export class Chart {
     return xs;
   }
 
+  // Points [{name, x, y}] in the units shown.
+  mark(dots) {
+    if (JSON.stringify(dots) === JSON.stringify(this.dots)) return;
+    this.dots = dots;
+    this.redraw();
+  }
+
   redraw() {
+    this.#redraw(false, 0);
+  }
+
+  #redraw(grows, drawn) {
     const { loop, log } = this.options;
+    const before = grows ? this.#scale : null;
     let x = this.#zoom.x;
     if (!x) {
       x = this.options.group ? this.options.group.extents() : this.extents();
-      x = loop ? padded(x) : log ? (x[0] > 0 && x[1] > x[0] ? x : [1, 10]) : x[1] > x[0] ? x : [x[0] <= x[1] ? x[0] : 0, (x[0] <= x[1] ? x[0] : 0) + 1];
+      if (holds(before?.x, x)) x = before.x;
+      else if (loop) x = padded(x);
+      else if (log) x = x[0] > 0 && x[1] > x[0] ? x : [1, 10];
+      else if (x[1] > x[0]) x = grows ? [x[0], x[1] + growth * (x[1] - x[0])] : x;
+      else x = [x[0] <= x[1] ? x[0] : 0, (x[0] <= x[1] ? x[0] : 0) + 1];
     }
     const ys = [Infinity, -Infinity];
     for (const c of this.curves)
@@ -200,16 +248,22 @@ export class Chart {
         if (c.high[i] > ys[1]) ys[1] = c.high[i];
       }
     for (const { y, always } of this.lines) if (always) extent([y], ys);
-    const y = this.#zoom.y ?? padded(ys);
-    this.#describe(ys);
+    const y = this.#zoom.y ?? (holds(before?.y, ys) ? before.y : padded(ys));
+    this.#describe(ys, grows);
     if (!this.u) return;
+    this.#scale = { x, y };
+    if (drawn > 0 && before?.x === x && before.y === y) return this.#clipped(this.u, (px, py, ratio) => this.#drawCurves(this.u.ctx, px, py, ratio, drawn));
     // Each only asks for a drawing: there is one, once all is set.
     this.u.setScale("x", { min: x[0], max: x[1] });
     this.u.setScale("y", { min: y[0], max: y[1] });
     this.u.redraw(false);
   }
 
-  #describe([low, high]) {
+  // In words twice a second while it grows: new text is new layout.
+  #describe([low, high], grows) {
+    const now = performance.now();
+    if (grows && now - this.#described < 500) return;
+    this.#described = now;
     const { title, y } = this.options;
     this.range = low <= high ? `${number(low)} to ${number(high)} ${y.unit}` : "";
     this.#frame.setAttribute("aria-label", `${title}: ${this.range || "nothing yet"}`);
@@ -243,18 +297,31 @@ export class Chart {
   }
 
   #draw(u) {
+    this.#clipped(u, (px, py, ratio) => {
+      const { left, top, width, height } = u.bbox;
+      this.#drawStretches(u.ctx, px, top, height);
+      this.#drawCurves(u.ctx, px, py, ratio, 0);
+      this.#drawMarks(u.ctx, u, px, py, ratio);
+    });
+  }
+
+  #clipped(u, draw) {
     const { ctx } = u;
     const { left, top, width, height } = u.bbox;
-    const ratio = devicePixelRatio;
-    const px = (x) => u.valToPos(x, "x", true);
-    const py = (y) => u.valToPos(y, "y", true);
     ctx.save();
     ctx.beginPath();
     ctx.rect(left, top, width, height);
     ctx.clip();
-    this.#drawStretches(ctx, px, top, height);
+    draw((x) => u.valToPos(x, "x", true), (y) => u.valToPos(y, "y", true), devicePixelRatio);
+    ctx.restore();
+  }
+
+  // What comes after the first `drawn` points of each, joined to the last of those.
+  #drawCurves(ctx, px, py, ratio, drawn) {
     ctx.lineJoin = "bevel"; // round ones, of thousands of points, took most of the time, and cannot be seen
-    for (const c of this.curves) {
+    for (const whole of this.curves) {
+      const from = (values) => values.subarray(Math.max(0, drawn - 1));
+      const c = drawn > 0 ? { ...whole, x: from(whole.x), low: from(whole.low), high: whole.high === whole.low ? from(whole.low) : from(whole.high) } : whole;
       ctx.strokeStyle = c.colour();
       ctx.fillStyle = c.colour();
       ctx.lineWidth = (c.thin ? 1 : 1.5) * ratio;
@@ -262,8 +329,6 @@ export class Chart {
       if (c.dots) this.#drawDots(ctx, c, px, py, ratio);
       else this.#drawCurve(ctx, c, px, py);
     }
-    this.#drawMarks(ctx, u, px, py, ratio);
-    ctx.restore();
   }
 
   #drawCurve(ctx, curve, px, py) {

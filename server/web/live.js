@@ -46,15 +46,24 @@ export class RunCharts {
   }
 
   draw(columns) {
+    this.#show(columns, (chart, curves) => chart.set(curves));
+  }
+
+  // Of a run under way, whose first `drawn` points are drawn as they are.
+  extend(columns, drawn) {
+    this.#show(columns, (chart, curves) => chart.extend(curves, drawn));
+  }
+
+  #show(columns, give) {
     this.columns = columns;
     for (const [key, chart] of this.series) {
       chart.figure.hidden = !columns[key];
-      chart.set(columns[key] ? [{ colour: line, x: columns.time, low: columns[key].min, high: columns[key].max }] : []);
+      give(chart, columns[key] ? [{ colour: line, x: columns.time, low: columns[key].min, high: columns[key].max }] : []);
     }
     for (const { x, y, chart } of this.loops) {
       const there = columns[x.key] && columns[y.key];
       chart.figure.hidden = !there;
-      chart.set(there ? [{ colour: line, dots: true, x: columns[x.key].first, y: columns[y.key].first }] : []);
+      give(chart, there ? [{ colour: line, dots: true, x: columns[x.key].first, y: columns[y.key].first }] : []);
     }
     this.#read();
   }
@@ -74,13 +83,11 @@ export class RunCharts {
       if (document.activeElement !== input) input.value = at === null ? "" : number(at);
     }
     const near = (t) => this.columns.time.findLastIndex((v) => v <= t);
-    for (const { x, y, chart } of this.loops) {
-      chart.dots = [["A", a], ["B", b]].filter(([, t]) => t !== null && this.columns[x.key] && this.columns[y.key]).map(([name, t]) => {
+    for (const { x, y, chart } of this.loops)
+      chart.mark([["A", a], ["B", b]].filter(([, t]) => t !== null && this.columns[x.key] && this.columns[y.key]).map(([name, t]) => {
         const i = near(t);
         return { name, x: (this.columns[x.key].first[i] ?? NaN) * x.factor, y: (this.columns[y.key].first[i] ?? NaN) * y.factor };
-      });
-      chart.redraw();
-    }
+      }));
     if (!this.readings) return;
     this.readings.hidden = a === null && b === null;
     if (this.readings.hidden) return;
@@ -122,6 +129,7 @@ export function chartTools(charts, ...more) {
 
 export class Live {
   #columns = { time: [] };
+  #shown = 0; // of its points; 0 where what was shown is not what they begin with
   #drawn = true;
   #measured = ""; // the moment of the newest sample
   #next = 0; // when it is drawn again at the earliest, ms
@@ -155,6 +163,7 @@ export class Live {
     if (this.id === run) return;
     this.id = run;
     this.#columns = { time: [] };
+    this.#shown = 0;
     this.#before = [];
     this.charts.group.range = null;
     this.#draw();
@@ -166,6 +175,7 @@ export class Live {
     const late = this.#before ?? [];
     this.#before = null;
     if (columns?.time) this.#columns = columns;
+    this.#shown = 0;
     const last = this.#columns.time.at(-1) ?? -Infinity;
     for (const message of late) if (message.time[0] > last) this.#append(message);
     this.#draw();
@@ -177,6 +187,7 @@ export class Live {
     this.id = run;
     this.#before = null;
     this.#columns = columns;
+    this.#shown = 0;
     if (!this.frozen) this.charts.draw(columns);
     this.#say();
   }
@@ -205,6 +216,7 @@ export class Live {
       if (this.#columns[name])
         thinned[name] = Object.fromEntries(parts.map((part) => [part, joined(this.#columns[name][part], joins[part])]));
     this.#columns = thinned;
+    this.#shown = 0;
   }
 
   // How many points are drawn, the time of the last one, and when that was measured.
@@ -215,15 +227,16 @@ export class Live {
     dataset.newest = this.#columns.time.at(-1) ?? "";
   }
 
-  // Takes half of the page's time at most, painting included: whatever else the page is asked for, a stop above all,
-  // gets its turn on a slow machine, too.
+  // What is new is drawn to what is there. Takes half of the page's time at most, painting included: whatever else the page is
+  // asked for, a stop above all, gets its turn on a slow machine, too.
   #draw() {
     if (!this.#drawn || this.frozen) return;
     this.#drawn = false;
     const draw = () => {
       const begin = performance.now();
       this.#drawn = true;
-      this.charts.draw(this.#columns);
+      this.charts.extend(this.#columns, this.#shown);
+      this.#shown = this.#columns.time.length;
       this.#say();
       setTimeout(() => (this.#next = 2 * performance.now() - begin));
     };

@@ -343,6 +343,18 @@ TEST(Live, MergingKeepsExtremesAndStaysSmall) {
   EXPECT_EQ(held["measured"], "4900") << "that of the newest";
 }
 
+TEST(Live, BlocksFasterThanThePaceAreShownAtIt) {
+  using std::chrono::milliseconds;
+  Pace pace(milliseconds(33));
+  const Pace::Clock::time_point begin{std::chrono::hours(1)};
+  int shown = 0;
+  for (int block = 0; block < 500; ++block) shown += pace.passes(begin + milliseconds(20 * block)) ? 1 : 0;
+  EXPECT_NEAR(shown, 10'000 / 33, 1);
+  EXPECT_TRUE(pace.passes(begin + milliseconds(20'000))) << "a silence";
+  EXPECT_FALSE(pace.passes(begin + milliseconds(20'001))) << "gives no right to a burst";
+  EXPECT_TRUE(Pace().passes(begin));
+}
+
 // Begun by the server, measured by the bench, followed and made into a file by the server.
 TEST(Recorder, LostRowsAreNotANumber) {
   const Folder folder;
