@@ -44,10 +44,7 @@ const model = new ModelView(rpc, jobs, {
     experiment.take(protocol).catch((error) => showError("The experiment could not be loaded.", error));
   },
 });
-const contact = new Contact(rpc, (status, held) => {
-  lease.show(held);
-  run.show(status);
-}, silenceChanged);
+const contact = new Contact(rpc, { "run.status": (status) => run.show(status), "lease.status": (held) => lease.show(held) }, silenceChanged);
 
 let greeted = false;
 let version = "";

@@ -18,24 +18,29 @@ export class Contact {
   #looked = performance.now();
   #stalled = -Infinity; // when this page itself last had no time to listen
 
-  // asked(status, lease) with every answer; changed(silent) when the daemon falls silent or is heard again.
-  constructor(rpc, asked, changed) {
+  // told: what takes the answers, by method; changed(silent) when the daemon falls silent or is heard again.
+  constructor(rpc, told, changed) {
     this.rpc = rpc;
     this.changed = changed;
+    for (const [method, take] of Object.entries(told)) this.#ask(method, take);
+    setInterval(() => rpc.open && this.compare().catch(() => {}), compare_every);
+    setInterval(() => this.#look(), 100);
+  }
+
+  // Each by itself: run.status is answered at once, others wait for what the page has asked before.
+  #ask(method, take) {
     let waiting = false;
     setInterval(async () => {
-      if (waiting || !rpc.open) return;
+      if (waiting || !this.rpc.open) return;
       waiting = true;
       try {
-        asked(...(await Promise.all([rpc.call("run.status"), rpc.call("lease.status")])));
+        take(await this.rpc.call(method));
       } catch {
         // what it means is seen by the clock below
       } finally {
         waiting = false;
       }
     }, ask_every);
-    setInterval(() => rpc.open && this.compare().catch(() => {}), compare_every);
-    setInterval(() => this.#look(), 100);
   }
 
   // What the daemon says of itself.
