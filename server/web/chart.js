@@ -124,6 +124,7 @@ export class Chart {
     const axis = (label, size) => ({
       label, size, labelSize: 18, labelGap: 0, gap: 4, labelFont: "12px system-ui", font: "11px system-ui",
       stroke: () => colour("--quiet"), grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { show: false },
+      values: (_, at) => at.map((v) => (v === null ? "" : number(v, 8))),
     });
     const label = ({ name, unit }) => (unit ? `${name} [${unit}]` : name);
     this.u = new uPlot({
@@ -301,8 +302,9 @@ export class Chart {
       const { left, top, width, height } = u.bbox;
       this.#drawStretches(u.ctx, px, top, height);
       this.#drawCurves(u.ctx, px, py, ratio, 0);
-      this.#drawMarks(u.ctx, u, px, py, ratio);
+      this.#drawLines(u.ctx, u, px, py, ratio);
     });
+    this.#drawPoints(u, devicePixelRatio);
   }
 
   #clipped(u, draw) {
@@ -381,7 +383,7 @@ export class Chart {
     ctx.globalAlpha = 1;
   }
 
-  #drawMarks(ctx, u, px, py, ratio) {
+  #drawLines(ctx, u, px, py, ratio) {
     const { left, top, width, height } = u.bbox;
     ctx.font = `${11 * ratio}px system-ui`;
     ctx.textAlign = "left";
@@ -408,12 +410,27 @@ export class Chart {
       ctx.fillText(name.toUpperCase(), px(x) + 3 * ratio, top + 11 * ratio);
     }
     ctx.setLineDash([]);
+  }
+
+  // Whole where they lie on the edge.
+  #drawPoints(u, ratio) {
+    const { ctx } = u;
+    ctx.save();
+    ctx.strokeStyle = ctx.fillStyle = colour("--ink");
+    ctx.lineWidth = ratio;
+    ctx.font = `${11 * ratio}px system-ui`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "alphabetic";
     for (const { x, y, name } of this.dots) {
+      const within = ({ min, max }, v) => v >= min && v <= max;
+      if (!within(u.scales.x, x) || !within(u.scales.y, y)) continue;
+      const [left, top] = [u.valToPos(x, "x", true), u.valToPos(y, "y", true)];
       ctx.beginPath();
-      ctx.arc(px(x), py(y), 4 * ratio, 0, 2 * Math.PI);
+      ctx.arc(left, top, 4 * ratio, 0, 2 * Math.PI);
       ctx.stroke();
-      if (name) ctx.fillText(name, px(x) + 6 * ratio, py(y) - 5 * ratio);
+      if (name) ctx.fillText(name, left + 6 * ratio, top - 5 * ratio);
     }
+    ctx.restore();
   }
 
   savePng() {

@@ -1,7 +1,7 @@
 // One recording, or several over each other: time with its segments, loops cycle by cycle, creep by hold, the report's tables,
 // published values beside, events, provenance; and what can be done with it.
 import { Chart, colour, download, kindColour, orderColour } from "./chart.js";
-import { button, count, duration, element, facts, moment, shownChannels } from "./dom.js";
+import { button, count, duration, element, facts, moment, quantity, shownChannels } from "./dom.js";
 import { clearErrors, showError } from "./errors.js";
 import { RunCharts, chartTools } from "./live.js";
 import { factsOf, reportTable, tablesOf } from "./tables.js";
@@ -28,7 +28,7 @@ const oneColour = (answer, name, k) => answer.curves.map((c, i) => ({ name: i ? 
 function creepCurves(columns, key, holds) {
   const { time } = columns;
   const values = columns[key];
-  return holds.map(({ number, start_s: from, end_s: to, label }, k) => {
+  return holds.map(({ start_s: from, end_s: to, name }, k) => {
     const first = time.findIndex((t) => t >= from);
     const x = [];
     const y = [];
@@ -37,7 +37,7 @@ function creepCurves(columns, key, holds) {
       x.push(time[i] - from);
       y.push(values.first[i] - values.first[first]);
     }
-    return { name: `hold ${number}: ${label}`, x, y, colour: () => orderColour(holds.length > 1 ? k / (holds.length - 1) : 0) };
+    return { name, x, y, colour: () => orderColour(holds.length > 1 ? k / (holds.length - 1) : 0) };
   }).filter((c) => c.x.length > 2);
 }
 
@@ -125,7 +125,7 @@ export class RecordingView {
   }
 
   #creep(columns, rows, specimen) {
-    const holds = rows.filter((s) => s.kind === "hold").map((s, i) => ({ ...s, number: i + 1, label: `${Number((s.level * 1e-6).toPrecision(4))} kV/mm` }));
+    const holds = rows.filter((s) => s.kind === "hold").map((s, i) => ({ ...s, name: `${s.label || `hold ${i + 1}`}: ${quantity(s.level, "V/m")}` }));
     const longest = Math.max(0, ...holds.map((h) => h.end_s - h.start_s));
     const long = holds.filter((h) => h.end_s - h.start_s >= longest / 2).slice(0, 16);
     const section = this.place.querySelector(".creep");

@@ -31,6 +31,8 @@ export async function useProgram(page, text) {
 export async function writesAnExperiment({ page }) {
   await open(page, "experiment");
   await page.waitForSelector("#library .protocol");
+  // The one that is loaded first has come, or it would come between the keys of what is written.
+  await page.waitForFunction(() => document.querySelector("#preview-facts").textContent);
   assert.ok((await page.locator("#library .protocol").count()) >= 16);
   await useProgram(page, JSON.stringify(program));
   await takes(page, "23 s");

@@ -8,6 +8,8 @@ import { title } from "./experiment_steps.mjs";
 
 const table = "time_s;field_kV_per_mm;displacement_um\n" + Array.from({ length: 400 }, (_, i) => `${i * 0.01};${Math.sin(i / 30)};${5 * Math.sin(i / 30 - 0.2)}`).join("\n");
 
+const html = (page) => downloaded(page, () => page.locator("#recording .actions").getByRole("button", { name: "HTML" }).click());
+
 export async function opensTheRecording({ page }) {
   await open(page, "recordings");
   assert.ok((await newest(page).innerText()).includes(title), "the title stands there as text");
@@ -77,7 +79,7 @@ export async function replays({ page }) {
 }
 
 // The loops of a sweep from 0.1 to 100 Hz are curves: no chord across them, and each frequency has its colour.
-export async function drawsASweep({ page }) {
+export async function drawsASweep({ page, reports }) {
   const { slew } = await call(page, "limits.get");
   await call(page, "limits.set", { slew: 1e9 });
   const name = await record(page, { format: "ferrobench-protocol", version: 1, name: "sweep", title: "Sweep from 0.1 to 100 Hz", unit: "kV/mm", sample_rate_Hz: 10000,
@@ -101,6 +103,19 @@ export async function drawsASweep({ page }) {
     }
   }
   await keepPictures(page, "sweep");
+  reports.sweep = await html(page);
+}
+
+// Creep is drawn on logarithmic time, and read on it.
+export async function readsCreep({ page, reports }) {
+  await openRecording(page, await record(page, "creep-6-holds-fast", { set: { "device.domains": 16 } }));
+  const readings = page.locator("#recording .report-table", { hasText: "Creep of the displacement" });
+  const headings = await readings.locator("thead th").allInnerTexts();
+  assert.match(headings.join(" "), /after 1 s.*after 2 s.*after 5 s.*after 10 s/, "evenly on logarithmic time");
+  assert.equal(await readings.locator("tbody tr").count(), 6, "hold by hold");
+  assert.equal(await page.locator("#recording .creep figure").count(), 2);
+  await keepPictures(page, "creep");
+  reports.creep = await html(page);
 }
 
 // Every view opens by its address, an address that leads nowhere is said to, and the way back leads back.
@@ -132,7 +147,7 @@ export async function followsAddresses({ page, daemon }) {
 // Reports as files: by themselves, without a script, at both widths, in both colour schemes.
 export async function givesReports({ page, browser, reports }) {
   await openRecording(page, await newest(page).getAttribute("data-name"));
-  reports.recording = await downloaded(page, () => page.locator("#recording .actions").getByRole("button", { name: "HTML" }).click());
+  reports.recording = await html(page);
   const folder = await mkdtemp(join(tmpdir(), "ferrobench-reports-"));
   const view = await browser.newPage();
   const fetched = [];
