@@ -250,7 +250,7 @@ export class Chart {
       }
     for (const { y, always } of this.lines) if (always) extent([y], ys);
     const y = this.#zoom.y ?? (holds(before?.y, ys) ? before.y : padded(ys));
-    this.#describe(ys, grows);
+    this.#describe(ys, drawn > 0);
     if (!this.u) return;
     this.#scale = { x, y };
     if (drawn > 0 && before?.x === x && before.y === y) return this.#clipped(this.u, (px, py, ratio) => this.#drawCurves(this.u.ctx, px, py, ratio, drawn));
@@ -260,10 +260,10 @@ export class Chart {
     this.u.redraw(false);
   }
 
-  // In words twice a second while it grows: new text is new layout.
-  #describe([low, high], grows) {
+  // In words; of what is drawn on, twice a second: new text is new layout.
+  #describe([low, high], drawnOn) {
     const now = performance.now();
-    if (grows && now - this.#described < 500) return;
+    if (drawnOn && now - this.#described < 500) return;
     this.#described = now;
     const { title, y } = this.options;
     this.range = low <= high ? `${number(low)} to ${number(high)} ${y.unit}` : "";

@@ -193,7 +193,7 @@ export class Live {
   }
 
   add({ run, measured, columns }) {
-    if (run !== this.id) this.begin(run);
+    if (run !== this.id) return; // what came before begin() is read from the recording
     this.#measured = measured;
     if (this.#before) return this.#before.push(columns);
     this.#append(columns);

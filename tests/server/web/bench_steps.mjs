@@ -32,6 +32,8 @@ export async function watchesWithAnother({ page, browser, daemon }) {
   await holdsLong(page);
   await page.waitForTimeout(2500);
   const other = await (await browser.newContext({ viewport: { width: 1280, height: 900 } })).newPage();
+  const complaints = [];
+  other.on("pageerror", (error) => complaints.push(error.stack));
   await signIn(other, daemon);
   await state(other, "running");
   await other.waitForFunction(() => Number(document.querySelector("#live").dataset.points) > 5);
@@ -46,6 +48,7 @@ export async function watchesWithAnother({ page, browser, daemon }) {
   await other.click("#stop");
   await state(page, "aborted");
   assert.match(await page.innerText("#state-reason"), /stopped/i);
+  assert.deepEqual(complaints, []);
   await other.context().close();
   await open(page, "bench");
   await page.click("#lease-release");

@@ -42,7 +42,7 @@ async function test(daemon) {
       await page.context().route(/\/([a-z]+\.(js|css|html))?(\?.*)?$/, async (route) => {
         const path = join(process.env.FERROBENCH_WEB, new URL(route.request().url()).pathname.replace(/\/$/, "/index.html"));
         if (route.request().method() !== "GET" || route.request().url().includes("token=") || !existsSync(path)) return route.fallback();
-        return route.fulfill({ response: await route.fetch(), path });
+        return route.fulfill({ response: await route.fetch(), status: 200, path }); // not 304, which has nothing to show
       });
     await page.goto(`${daemon.address}/?token=${daemon.token}`);
     assert.ok(!page.url().includes(daemon.token), "the token has left the address");
