@@ -24,6 +24,7 @@ td.text { text-align: left; white-space: normal; }
 .note { opacity: .7; font-size: .9rem; margin: .3rem 0; }
 .pair { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1rem; }
 figure { margin: .5rem 0; } figcaption { font-weight: 600; } svg { width: 100%; height: auto; }
+@media screen and (max-width: 40rem) { .time { overflow-x: auto; } .time svg { width: 40rem; } }
 footer { margin-top: 3rem; opacity: .7; font-size: .85rem; }
 @page { size: A4; margin: 14mm; }
 @media print {
@@ -46,8 +47,10 @@ std::string figures_html(const Analysis& analysis) {
     const auto picture = drawing.problem.empty()
                              ? drawing.svg[i]
                              : "<p class=\"note\">No picture: " + escape_html(drawing.problem) + ".</p>";
+    // Where a screen is narrow, what is wide is moved through rather than made too small to read.
     (figures[i].square ? pairs : wide) +=
-        "<figure><figcaption>" + escape_html(figures[i].title) +
+        std::string(figures[i].square ? "<figure>" : "<figure class=\"time\" tabindex=\"0\">") +
+        "<figcaption>" + escape_html(figures[i].title) +
         (figures[i].note.empty() ? "" : " <small>(" + escape_html(figures[i].note) + ")</small>") +
         "</figcaption>" + picture + "</figure>\n";
   }

@@ -97,18 +97,29 @@ std::vector<int> colours_of(const std::vector<Series>& series) {
 std::string script(const std::vector<Figure>& figures, const ScratchFolder& folder) {
   std::string out =
       "set encoding utf8\nset grid lc rgb '#a0a0a0' lw 0.4\nset border 3 lw 0.8\nset tics nomirror\n"
-      "set key noenhanced outside right top samplen 1.5\nset style data lines\nset autoscale xfix\n";
+      "set key noenhanced samplen 1.5\nset style data lines\nset autoscale xfix\n";
   for (std::size_t k = 0; k < figures.size(); ++k) {
     const auto& figure = figures[k];
     const auto number = std::to_string(k);
-    const bool keyed = std::ranges::any_of(figure.series, [](const Series& s) { return !s.label.empty(); });
+    std::size_t labels = 0, longest = 0;
+    for (const auto& s : figure.series) {
+      labels += s.label.empty() ? 0 : 1;
+      longest = std::max(longest, s.label.size());
+    }
+    const bool keyed = labels > 0;
+    // Names that would take half of the picture stand below it, two in a line.
+    constexpr std::size_t short_name = 12, line = 17;  // bytes; pixels
+    const bool below = figure.square && longest > short_name;
+    const auto height = 360 + (below ? line * ((labels + 1) / 2) : 0);
     // The time axes of wide figures lie below each other.
-    out += figure.square ? "set terminal svg size 460,360" : "set terminal svg size 940,220";
+    out += figure.square ? "set terminal svg size 460," + std::to_string(height)
+                         : "set terminal svg size 940,220";
     out += " dynamic font 'sans-serif,12' name 'figure" + number + "'\n";
     out += figure.square ? std::string("unset lmargin\nunset rmargin\n")
                          : std::string("set lmargin at screen 0.1\nset rmargin at screen ") +
                                (keyed ? "0.8\n" : "0.98\n");
     out += "set output " + quoted(folder.file(number + ".svg")) + '\n';
+    out += below ? "set key outside center bottom\n" : "set key outside right top\n";
     out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
     out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +
            " noenhanced\n";
