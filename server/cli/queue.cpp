@@ -17,6 +17,7 @@ struct QueueOptions : RunChoice {
   bool shuffle = false, automatic = false;
   std::int64_t repeats = 1, repeat_broken = 0, stop_after_failures = 1;
   std::vector<std::string> sweeps{};
+  std::string wait{};
   std::int64_t item = 0, plan = 0, before = 0, first = 0, count = 100;
   bool to_front = false;
   std::string state{}, format = "text", of = "mean", out{};
@@ -61,6 +62,21 @@ json sweep_argument(const std::string& text) {
   return sweep;
 }
 
+// "force=98:2:N:10:600"
+json wait_argument(const std::string& text) {
+  const auto equals = std::min(text.find('='), text.size());
+  const auto parts = split(text.substr(std::min(equals + 1, text.size())), ':');
+  if (equals == text.size() || parts.size() != 5)
+    throw Error(ErrorCode::invalid_params, "a wait is CHANNEL=VALUE:TOLERANCE:UNIT:SECONDS:MOST_SECONDS",
+                Problem{.path = "/wait",
+                        .given = excerpt(text),
+                        .hint = "for example --wait force=98:2:N:10:600, which is: until the force has been "
+                                "within 2 N of 98 N for 10 s, but no more than 600 s"});
+  return {{"channel", text.substr(0, equals)}, {"value", value_in(parts[0])},
+          {"tolerance", value_in(parts[1])},   {"unit", parts[2]},
+          {"for_s", value_in(parts[3])},       {"timeout_s", value_in(parts[4])}};
+}
+
 json plan_argument(const QueueOptions& o) {
   if (!o.plan_file.empty())
     return parse_json_text(read_text_file(o.plan_file, most_plan_bytes, ErrorCode::invalid_params),
@@ -74,6 +90,7 @@ json plan_argument(const QueueOptions& o) {
             {"resume", o.automatic ? "automatic" : "operator"},
             {"repeat_broken", o.repeat_broken},
             {"stop_after_failures", o.stop_after_failures}};
+  if (!o.wait.empty()) plan["wait"] = wait_argument(o.wait);
   for (const auto& sweep : o.sweeps) plan["sweeps"].push_back(sweep_argument(sweep));
   return plan;
 }
@@ -200,6 +217,13 @@ void add_queue_add(CLI::App* queue, const std::shared_ptr<QueueOptions>& o, Comm
       ->type_name("KEY=VALUES")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  sub->add_option("--wait", o->wait,
+                  "what is waited for at zero field before each run, "
+                  "CHANNEL=VALUE:TOLERANCE:UNIT:SECONDS:MOST_SECONDS: "
+                  "the channel (field, charge, displacement or force) has been that near to the value for so "
+                  "long; a run "
+                  "that has waited longest in vain has failed")
+      ->type_name("CONDITION");
   sub->add_option("--repeats", o->repeats, "of each combination")
       ->check(number_from(1))
       ->capture_default_str();
@@ -233,6 +257,7 @@ void add_queue_add(CLI::App* queue, const std::shared_ptr<QueueOptions>& o, Comm
       "  ferrobench queue add full-loops --fast\n"
       "  ferrobench queue add full-loops --fast --sweep rate=1:100:5:logarithmic --sweep prestress_MPa=2,4,8 "
       "--repeats 2\n"
+      "  ferrobench queue add full-loops --wait force=98:2:N:10:600\n"
       "  ferrobench queue add --plan-file night.json");
 }
 

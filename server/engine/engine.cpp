@@ -184,7 +184,11 @@ RunStatus Engine::start(const RunRequest& request, const std::string& path) {
 RunSetup Engine::make_setup(const RunRequest& request, RunSetup setup, std::shared_ptr<HeldDevice> open) {
   setup.notes = request.notes;
   setup.rerun_of = request.rerun_of;
-  setup.stop_wanted = [this] { return lease_.lost(); };
+  setup.watch = request.watch;
+  setup.stop_wanted = [this, own = request.stop_wanted] {
+    auto reason = lease_.lost();
+    return reason.empty() && own ? own() : reason;
+  };
   if (takes_over_) setup.folder = std::filesystem::absolute(store_.folder()).string();
   setup.last_use = open == nullptr;
   const auto name = replayed(request.device);

@@ -12,6 +12,7 @@
 #include "daq/replay/replay_source.h"
 #include "protocols/protocol.h"
 #include "recordings/disk/new_file.h"
+#include "recordings/format/parts.h"
 #include "server/engine/store.h"
 
 namespace ferrobench::server {
@@ -35,6 +36,9 @@ struct RunRequest {
   // would reach the run from then on: throws if it must not start.
   std::string id{};
   std::function<void()> last_word{};
+  // Likewise, by a thread of the run: sees all that is measured; and says why the run must end, or "".
+  std::function<void(const recordings::Rows&)> watch{};
+  std::function<std::string()> stop_wanted{};
 };
 template <class Visitor>
 void describe(Visitor& visit, RunRequest& r) {

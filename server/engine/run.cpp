@@ -260,8 +260,11 @@ void Run::lost(const std::string& why) {
 }
 
 void Run::show() {
-  if (hub_.wanted("samples"))
-    follower_->next(most_shown, [this](const recordings::Columns& columns) { live_->add(columns.rows()); });
+  if (setup_.watch || hub_.wanted("samples"))
+    follower_->next(most_shown, [this](const recordings::Columns& columns) {
+      if (setup_.watch) setup_.watch(columns.rows());
+      live_->add(columns.rows());
+    });
   else
     follower_->pass_over();
 }

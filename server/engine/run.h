@@ -104,7 +104,8 @@ struct RunSetup {
   std::string notes{};
   std::string rerun_of{};  // identifier of the recording that this run repeats
   bool real_time = true;
-  std::function<std::string()> stop_wanted{};  // asked again and again: why the run must end, or ""
+  std::function<void(const recordings::Rows&)> watch{};  // sees all that is measured
+  std::function<std::string()> stop_wanted{};            // asked again and again: why the run must end, or ""
   std::string folder{};  // where another server finds the bench if this one dies; "": none is to
 };
 

@@ -120,6 +120,13 @@ void demand_valid(const Plan& plan, const std::string& path) {
                         .message = "are too many",
                         .given = plan.sweeps.size(),
                         .allowed = {{"to", most_sweeps}}});
+  if (plan.wait) {
+    check_wait(*plan.wait, path + "/wait", problems);
+    if (replayed(plan.run.request.device))
+      problems.push_back({.path = path + "/wait",
+                          .message = "cannot come: a replay measures nothing before it begins",
+                          .hint = "leave it out, or choose another device"});
+  }
   auto runs = static_cast<double>(plan.repeats);
   std::set<std::string> swept;
   for (std::size_t i = 0; i < plan.sweeps.size() && problems.size() < max_problems; ++i) {

@@ -7,6 +7,7 @@
 //         {"set": "prestress_MPa", "values": [2, 4, 8], "confirm": "set the prestress to {} MPa"},
 //         {"set": "rate", "from": 0.1, "to": 10, "count": 5, "spacing": "logarithmic"}],
 //       "repeats": 2, "shuffle": true, "seed": 7,
+//       "wait": {"channel": "force", "value": 98, "tolerance": 2, "unit": "N", "for_s": 10},   see wait.h
 //       "resume": "automatic", "repeat_broken": 3, "stop_after_failures": 1, "stop_on_limit": true }
 //
 // Order: what an operator confirms is outermost, so that it changes as seldom as it can; within, all other
@@ -19,6 +20,7 @@
 
 #include "base/fields.h"
 #include "server/engine/request.h"
+#include "server/queue/wait.h"
 
 namespace ferrobench::server {
 
@@ -101,6 +103,7 @@ struct Plan {
   std::int64_t repeats = 1;
   bool shuffle = false;
   std::int64_t seed = 1;
+  std::optional<Wait> wait{};
   Rules rules{};
 };
 template <class Visitor>
@@ -113,6 +116,8 @@ void describe(Visitor& visit, Plan& p) {
   visit("repeats", p.repeats, {.min = 1, .max = most_planned_runs, .doc = "of each combination"});
   visit("shuffle", p.shuffle, {.doc = "in a random order, between two confirmations"});
   visit("seed", p.seed, {.min = 0, .doc = "of that order; the same seed, the same order"});
+  visit("wait", p.wait,
+        {.doc = "for a condition, at zero field, before each run and after what is confirmed for it"});
   describe(visit, p.rules);
 }
 

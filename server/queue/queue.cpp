@@ -8,6 +8,7 @@
 #include "daq/guard/check.h"
 #include "daq/registry.h"
 #include "recordings/file/reader.h"
+#include "recordings/file/recover.h"
 #include "server/bench/host.h"
 
 namespace ferrobench::server {
@@ -65,6 +66,7 @@ std::string Queue::open() {
     started_ = before.started;
     resumed_ = true;
     reason_ = before.reason;
+    doing_ = {.state = QueueActivity::waits};
   }
   std::string found;
   for (const auto& entry : ledger().running()) {
@@ -344,17 +346,107 @@ void Queue::step(std::uint64_t seen) {
     return wait(
         seen, {.state = QueueActivity::waits, .reason = "the bench has another run", .item = next->item.item},
         look_again);
+  if (next->plan->wait && !wait_for_condition(*next, seen)) return;
   run_item(*next, seen);
+}
+
+std::optional<Error> Queue::start_run(RunRequest request, const std::string& path) {
+  request.last_word = [this] {
+    const std::scoped_lock lock(mutex_);
+    if (!started_ || ending_) throw Error(ErrorCode::bad_state, "the queue was stopped");
+  };
+  try {
+    engine_.start(request, path);
+  } catch (const Error& refused) {
+    return refused;
+  } catch (const std::exception& defect) {
+    return Error(ErrorCode::internal, defect.what());
+  }
+  return std::nullopt;
+}
+
+// Whether it may be tried again as it is: the queue was stopped, or others have the bench.
+bool Queue::passes(const Error& refused, std::int64_t item) {
+  const std::scoped_lock lock(mutex_);
+  doing_ = {.state = QueueActivity::waits, .item = item};
+  return !started_ || ending_ || refused.code() == ErrorCode::busy;
+}
+
+Queue::Outcome Queue::outcome_of(const Error& refused) {
+  Outcome out{.state = ItemState::failed, .reason = in_one_line(refused.what()), .recorded = false};
+  if (refused.code() == ErrorCode::interlock_open) out.alarm = out.reason;
+  return out;
+}
+
+RunStatus Queue::end_of(const std::string& run) {
+  try {
+    return engine_.wait(run);
+  } catch (const Error&) {  // another run has come after it
+    return engine_.status(run);
+  }
+}
+
+// Whether what the plan waits for has come. If not, the item waits still, or it has failed.
+bool Queue::wait_for_condition(const Ledger::Entry& next, std::uint64_t seen) {
+  const auto item = next.item.item;
+  const auto watch = std::make_shared<Watch>(*next.plan->wait);
+  auto request = request_of(*next.plan, next.step);
+  request.protocol = hold_of(*next.plan->wait, request.protocol);
+  request.set.erase("sample_rate_Hz");
+  request.id = to_string(boost::uuids::random_generator()());
+  request.watch = [watch](const recordings::Rows& rows) { watch->see(rows); };
+  request.stop_wanted = [watch] { return watch->reason(); };
+  const auto path = engine_.store().new_recording("wait");
+  std::optional<Outcome> outcome;
+  if (const auto refused = start_run(request, path.string())) {
+    if (passes(*refused, item)) {
+      wait(seen, {.state = QueueActivity::waits, .reason = refused->message(), .item = item}, look_again);
+      return false;
+    }
+    outcome = outcome_of(*refused);
+  }
+  while (!outcome && !is_over(engine_.status(request.id).state)) {
+    bool stopped = false;
+    {
+      Lock lock(mutex_);
+      stopped = !started_ || ending_;
+      doing_ = {.state = QueueActivity::waits, .reason = "for " + watch->now(), .item = item};
+    }
+    if (stopped) watch->give_up("the queue was stopped");
+    if (const auto first = ledger().next(); !first || first->item.item != item)
+      watch->give_up("another item comes first");
+    if (!watch->reason().empty()) break;
+    show();
+    Lock lock(mutex_);
+    changed_.wait_for(lock, look_again, [&] { return !started_ || ending_ || version_ != seen; });
+    seen = version_;
+  }
+  if (!outcome) {
+    outcome = outcome_of(end_of(request.id));
+    const auto verdict = watch->verdict();
+    const bool by_bench = !outcome->by_person && outcome->state != ItemState::complete;
+    if (outcome->alarm.empty() && !by_bench && verdict != Watch::Verdict::failed) {
+      if (verdict == Watch::Verdict::none) {
+        come_to_rest("stopped while it waited for " + watch->now() + ": " + outcome->reason);
+        return false;
+      }
+      try {
+        recordings::remove_recording(path.string());
+      } catch (const Error&) {  // it is worth no trouble
+      }
+      return verdict == Watch::Verdict::met;
+    }
+    if (!by_bench && verdict == Watch::Verdict::failed)
+      outcome = Outcome{.state = ItemState::failed, .reason = watch->reason(), .alarm = outcome->alarm};
+  }
+  if (ledger().begin(item, request.id, path.stem())) settle(next, request.id, *outcome);
+  return false;
 }
 
 void Queue::run_item(const Ledger::Entry& next, std::uint64_t seen) {
   const auto run = to_string(boost::uuids::random_generator()());
   auto request = request_of(*next.plan, next.step);
   request.id = run;
-  request.last_word = [this] {
-    const std::scoped_lock lock(mutex_);
-    if (!started_ || ending_) throw Error(ErrorCode::bad_state, "the queue was stopped");
-  };
   const auto path = engine_.store().new_recording(protocol_name(*next.plan));
   if (!ledger().begin(next.item.item, run, path.stem())) return;  // it was removed just now
   {
@@ -362,29 +454,14 @@ void Queue::run_item(const Ledger::Entry& next, std::uint64_t seen) {
     doing_ = {.state = QueueActivity::running, .item = next.item.item};
   }
   show();
-  std::optional<Error> refused;
-  try {
-    engine_.start(request, path.string());
-  } catch (const Error& error) {
-    refused = error;
-  } catch (const std::exception& defect) {
-    refused = Error(ErrorCode::internal, defect.what());
-  }
+  const auto refused = start_run(request, path.string());
   if (!refused) return follow(next, run);
-  bool stopped = false;
-  {
-    const std::scoped_lock lock(mutex_);
-    stopped = !started_ || ending_;
-    doing_ = {.state = QueueActivity::waits, .item = next.item.item};
-  }
-  if (stopped || refused->code() == ErrorCode::busy) {
+  if (passes(*refused, next.item.item)) {
     ledger().put_back(next.item.item, run);
     return wait(seen, {.state = QueueActivity::waits, .reason = refused->message(), .item = next.item.item},
                 look_again);
   }
-  Outcome outcome{.state = ItemState::failed, .reason = in_one_line(refused->what()), .recorded = false};
-  if (refused->code() == ErrorCode::interlock_open) outcome.alarm = outcome.reason;
-  settle(next, run, outcome);
+  settle(next, run, outcome_of(*refused));
 }
 
 void Queue::follow(const Ledger::Entry& entry, const std::string& run) {
@@ -392,13 +469,7 @@ void Queue::follow(const Ledger::Entry& entry, const std::string& run) {
     const std::scoped_lock lock(mutex_);
     doing_ = {.state = QueueActivity::running, .item = entry.item.item};
   }
-  RunStatus status;
-  try {
-    status = engine_.wait(run);
-  } catch (const Error&) {  // another run has come after it
-    status = engine_.status(run);
-  }
-  settle(entry, run, outcome_of(status));
+  settle(entry, run, outcome_of(end_of(run)));
 }
 
 Queue::Outcome Queue::outcome_of(const RunStatus& run) {

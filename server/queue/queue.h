@@ -9,7 +9,8 @@
 //   a restart      unless the plan says "resume": "automatic" and queue.start came after it was added
 //   nothing left   the queue is empty
 //
-// A confirmation, or a bench that others use, is waited for.
+// A confirmation, a bench that others use, or a plan's condition (wait.h) is waited for. The ledger knows
+// nothing of that: after a restart it is waited for anew.
 //
 // Locks: mutex_ is held for no disk and no bench, so that a stop waits for neither.
 #pragma once
@@ -40,10 +41,10 @@ struct QueueStatus {
 };
 template <class Visitor>
 void describe(Visitor& visit, QueueStatus& s) {
-  visit(
-      "state", s.state,
-      {.required = true,
-       .doc = "stopped; running; asks: a person must do and confirm something first; waits: for the bench"});
+  visit("state", s.state,
+        {.required = true,
+         .doc = "stopped; running; asks: a person must do and confirm something first; waits: for the bench, "
+                "or for the condition that the reason says"});
   visit("reason", s.reason, {.doc = "why it is stopped, or what it waits for"});
   visit("item", s.item, {.min = 0, .doc = "that is running, or whose turn it is; 0: none"});
   visit("confirm", s.confirm, {.doc = "what a person must do, then queue.confirm; \"\": nothing"});
@@ -98,6 +99,11 @@ class Queue {
   void keep_saved();
   void step(std::uint64_t seen);
   void run_item(const Ledger::Entry& next, std::uint64_t seen);
+  bool wait_for_condition(const Ledger::Entry& next, std::uint64_t seen);
+  std::optional<Error> start_run(RunRequest request, const std::string& path);
+  bool passes(const Error& refused, std::int64_t item);
+  static Outcome outcome_of(const Error& refused);
+  RunStatus end_of(const std::string& run);
   void follow(const Ledger::Entry& entry, const std::string& run);
   void settle(const Ledger::Entry& entry, const std::string& run, const Outcome& outcome);
   void check(const Plan& plan) const;

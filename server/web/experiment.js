@@ -71,6 +71,9 @@ export class Experiment {
       this.written = true;
     });
     byId("use-text").addEventListener("click", () => this.#useText());
+    byId("wait-channel").addEventListener("change", (event) => {
+      byId("wait-unit").value = event.target.selectedOptions[0].dataset.unit ?? "";
+    });
     byId("enqueue").addEventListener("click", () => this.#enqueue());
     byId("save-protocol").addEventListener("click", () => this.#save());
     byId("start-form").addEventListener("submit", (event) => {
@@ -340,6 +343,14 @@ export class Experiment {
     });
   }
 
+  // What each run of a plan waits for.
+  #wait() {
+    const channel = byId("wait-channel").value;
+    if (!channel) return undefined;
+    const number = (id) => readNumber(byId(id));
+    return { channel, value: number("wait-value"), tolerance: number("wait-tolerance"), unit: byId("wait-unit").value.trim(), for_s: number("wait-for"), timeout_s: number("wait-timeout") };
+  }
+
   // What the form says, as a plan: with a setting that changes, several runs.
   async #enqueue() {
     const modelled = byId("device").value === "virtual";
@@ -352,6 +363,7 @@ export class Experiment {
         seed: modelled ? readNumber(byId("seed")) : undefined, notes: byId("notes").value || undefined,
       },
       repeats: readNumber(byId("repeats")),
+      wait: this.#wait(),
       sweeps: set || values.length ? [{ set, values, confirm: byId("sweep-confirm").value || undefined }] : undefined,
     };
     try {

@@ -30,6 +30,7 @@ LOOP = {"format": "ferrobench-protocol", "version": 1, "name": "loop", "unit": "
 def plan(rates, prestresses, repeats, repeat_broken):
     return {"name": "night", "run": {"protocol": LOOP, "model": "soft-pzt"}, "repeats": repeats, "shuffle": True, "seed": 3,
             "resume": "automatic", "repeat_broken": repeat_broken,
+            "wait": {"channel": "displacement", "value": 0, "tolerance": 50, "unit": "um", "for_s": 0.2, "timeout_s": 5},
             "sweeps": [{"set": "rate", "from": 2, "to": 8, "count": rates, "spacing": "logarithmic"},
                        {"set": "prestress_MPa", "from": 2, "to": 8, "count": prestresses}]}
 

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <future>
 #include <mutex>
+#include <numbers>
 #include <set>
 
 #include "engine_bench.h"
@@ -109,6 +110,13 @@ TEST(QueuePlan, WhatIsWrongIsSaidWithItsPlace) {
       {R"({"format": "something"})", "/format"},
       {R"({"version": 2})", "/version"},
       {R"({"resume": "never"})", "/resume"},
+      {R"({"wait": {"channel": "force", "value": 1}})", "/wait/tolerance"},
+      {R"({"wait": {"channel": "command", "value": 1, "tolerance": 1}})", "/wait/channel"},
+      {R"({"wait": {"channel": "force", "value": 1, "tolerance": 1, "unit": "um"}})", "/wait/unit"},
+      {R"({"wait": {"channel": "force", "value": 1, "tolerance": 1, "for_s": 9, "timeout_s": 8}})",
+       "/wait/timeout_s"},
+      {R"({"run": {"device": "replay:a"}, "wait": {"channel": "force", "value": 1, "tolerance": 1}})",
+       "/wait"},
       {R"({"run": {"idempotency_key": "x"}})", "/run/idempotency_key"}};
   for (const auto& [text, place] : wrong) {
     auto document = json::parse(text);
@@ -121,6 +129,46 @@ TEST(QueuePlan, WhatIsWrongIsSaidWithItsPlace) {
       EXPECT_EQ(error.problems().front().path, place) << text;
     }
   }
+}
+
+// Ten rows a stretch of 0.1 s. `force` gives that of each row, in N.
+std::unique_ptr<Watch> watched(const Wait& wait, double seconds, const std::function<double(double)>& force,
+                               double lost_from = 1e9, double lost = 0) {
+  auto watch = std::make_unique<Watch>(wait);
+  recordings::Columns columns;
+  auto& values = columns.channels.at(static_cast<std::size_t>(recordings::Channel::force));
+  for (int row = 0; row < static_cast<int>(std::lround(seconds * 100)); ++row) {
+    const double time = 0.01 * row;
+    if (time >= lost_from && time < lost_from + lost) continue;
+    columns.time.push_back(time);
+    values.push_back(force(time));
+  }
+  watch->see(columns.rows());
+  return watch;
+}
+
+TEST(QueueWait, ItIsTheMeanThatStaysWithoutABreak) {
+  using Verdict = Watch::Verdict;
+  const Wait wait{
+      .channel = Watched::force, .value = -0.1, .tolerance = 0.002, .unit = "kN", .lasting = 1, .timeout = 3};
+  const auto hum = [](double t) { return -101 + 20 * std::sin(2 * std::numbers::pi * 50 * t + 1); };
+  EXPECT_EQ(watched(wait, 0.95, hum)->verdict(), Verdict::none) << "not for 1 s yet";
+  EXPECT_EQ(watched(wait, 1.05, hum)->verdict(), Verdict::met);
+  const auto slips = [](double t) { return t > 0.7 && t < 0.9 ? -110.0 : -100.0; };
+  EXPECT_EQ(watched(wait, 1.8, slips)->verdict(), Verdict::none);
+  EXPECT_EQ(watched(wait, 2.1, slips)->verdict(), Verdict::met);
+  const auto steady = [](double) { return -100.0; };
+  EXPECT_EQ(watched(wait, 1.85, steady, 0.5, 0.3)->verdict(), Verdict::met);
+  EXPECT_EQ(watched(wait, 1.75, steady, 0.5, 0.3)->verdict(), Verdict::none) << "rows were lost";
+  const auto never = watched(wait, 3.5, [](double) { return -97.0; });
+  EXPECT_EQ(never->verdict(), Verdict::failed);
+  EXPECT_EQ(never->reason(), "waited 3 s for force within 0.002 kN of -0.1 kN for 1 s; it is -0.097 kN now");
+  EXPECT_EQ(watched(wait, 3.5, [](double) { return std::nan(""); })->verdict(), Verdict::failed);
+  Watch other({.channel = Watched::displacement, .tolerance = 1});
+  recordings::Columns columns;
+  columns.time = {0};
+  other.see(columns.rows());
+  EXPECT_EQ(other.reason(), "waits for the displacement, which the device does not measure");
 }
 
 struct LedgerTest : testing::Test {
@@ -355,6 +403,79 @@ TEST_F(QueueTest, WaitsForTheRunOfSomebodyElse) {
   engine.abort(other, "enough");  // not by run.abort: the queue goes on
   until_stopped();
   EXPECT_EQ(item(first).state, ItemState::complete);
+}
+
+// Of the force of 4 MPa on 25 mm^2.
+json wait_for_force(double value, double lasting, double timeout) {
+  return {{"channel", "force"}, {"value", value},   {"tolerance", 2},
+          {"unit", "N"},        {"for_s", lasting}, {"timeout_s", timeout}};
+}
+json prestressed(bool fast) {
+  auto run = short_run(fast);
+  run["set"] = {{"prestress_MPa", 4}, {"sample_rate_Hz", 150}};
+  return run;
+}
+
+TEST_F(QueueTest, BeginsARunWhenItsConditionHasCome) {
+  queue->open();
+  const auto first = add({{"run", prestressed(true)},
+                          {"wait", wait_for_force(98, 20, 60)},
+                          {"sweeps", {{{"set", "top"}, {"values", {0.2, 0.4}}}}}});
+  const auto real = add({{"run", prestressed(false)}, {"wait", wait_for_force(98, 0.3, 5)}});
+  call("queue.start");
+  until_stopped();
+  EXPECT_EQ(queue->status().reason, "the queue is empty");
+  for (const auto id : {first, first + 1, real})
+    EXPECT_EQ(item(id).state, ItemState::complete) << item(id).reason;
+  EXPECT_EQ(engine.runs().size(), 6u);
+  EXPECT_EQ(engine.store().recording_names().size(), 3u) << "waits leave none";
+}
+
+TEST_F(QueueTest, AConditionThatDoesNotComeIsAFailure) {
+  queue->open();
+  const auto first =
+      add({{"run", prestressed(false)}, {"wait", wait_for_force(150, 0.2, 0.6)}, {"repeats", 2}});
+  call("queue.start");
+  until(
+      [&] { return queue->status().reason.starts_with("for force within 2 N of 150 N for 0.2 s; it is 9"); });
+  EXPECT_EQ(queue->status().state, QueueActivity::waits);
+  until_stopped();
+  EXPECT_EQ(item(first).state, ItemState::failed);
+  EXPECT_TRUE(item(first).reason.starts_with("waited 0.6 s for force within 2 N of 150 N"))
+      << item(first).reason;
+  EXPECT_EQ(item(first + 1).state, ItemState::waiting);
+  EXPECT_NE(queue->status().reason.find("waited 0.6 s"), std::string::npos) << queue->status().reason;
+  const auto kept = recordings::read_recording(engine.store().recording(item(first).recording).string());
+  EXPECT_EQ(kept.status, "aborted");
+  EXPECT_EQ(std::ranges::count(kept.at(recordings::Channel::command), 0), kept.size())
+      << "the output stays at zero";
+  EXPECT_TRUE(engine.status().output_at_zero);
+}
+
+TEST_F(QueueTest, WhoStopsTheQueueStopsItsWait) {
+  queue->open();
+  const auto first = add({{"run", prestressed(false)}, {"wait", wait_for_force(150, 0.2, 600)}});
+  const auto second = add({{"run", short_run()}});
+  const auto waits = [&] {
+    return queue->status().state == QueueActivity::waits && engine.status().state == RunState::running;
+  };
+  for (const auto* stop : {"queue.stop", "run.abort"}) {
+    call("queue.start");
+    until(waits);
+    call(stop);
+    until_stopped();
+    until([&] { return is_over(engine.status().state); });
+    EXPECT_EQ(item(first).state, ItemState::waiting) << stop;
+    EXPECT_EQ(item(first).runs, 0);
+  }
+  call("queue.start");
+  until(waits);
+  call("queue.move", {{"item", second}, {"first", true}});
+  until([&] { return item(second).state == ItemState::complete; });
+  until(waits);
+  call("queue.remove", {{"item", first}});
+  until_stopped();
+  EXPECT_EQ(queue->status().reason, "the queue is empty");
 }
 
 TEST_F(QueueTest, WhatCannotRunIsNotTaken) {

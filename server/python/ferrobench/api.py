@@ -301,7 +301,7 @@ class QueueListQueue(TypedDict, total=False):
     confirm: str  # what a person must do, then queue.confirm; "": nothing
     item: int  # that is running, or whose turn it is; 0: none
     reason: str  # why it is stopped, or what it waits for
-    state: Literal["stopped", "running", "asks", "waits"]  # stopped; running; asks: a person must do and confirm something first; waits: for the bench
+    state: Literal["stopped", "running", "asks", "waits"]  # stopped; running; asks: a person must do and confirm something first; waits: for the bench, or for the condition that the reason says
 
 
 class TableList(TypedDict, total=False):

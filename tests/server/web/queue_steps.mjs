@@ -25,12 +25,15 @@ export async function queuesRuns({ page }) {
   await page.click("#enqueue");
   await page.waitForFunction(() => document.querySelector("#enqueue-note").textContent.startsWith("2 runs added"));
   for (const id of ["#sweep-set", "#sweep-values", "#sweep-confirm"]) await page.fill(id, "");
+  await page.selectOption("#wait-channel", "displacement");
+  assert.equal(await page.inputValue("#wait-unit"), "um");
+  for (const [id, value] of [["value", "0"], ["tolerance", "100"], ["for", "5"], ["timeout", "8"]]) await page.fill(`#wait-${id}`, value);
   await page.click("#enqueue");
   await page.waitForFunction(() => document.querySelector("#enqueue-note").textContent.startsWith("One run added"));
 
   await open(page, "queue");
   const program = { format: "ferrobench-protocol", version: 1, name: "long", unit: "kV/mm", segments: [{ kind: "ramp", to: 0.5, time: 0.5 }, { kind: "hold", time: 300 }] };
-  const plan = { format: "ferrobench-plan", version: 1, name: "long", run: { protocol: program } };
+  const plan = { format: "ferrobench-plan", version: 1, name: "long", run: { protocol: program }, wait: { channel: "displacement", value: 0, tolerance: 100, unit: "um", for_s: 1 } };
   await page.setInputFiles("#plan-file", { name: "long.json", mimeType: "application/json", buffer: Buffer.from(JSON.stringify(plan)) });
   await has(page, 4);
   const [first, second, third, last] = (await items(page)).map((row) => Number(row.split(" ")[0]));
@@ -46,6 +49,7 @@ export async function queuesRuns({ page }) {
   await page.waitForSelector(`#queue-items li[data-item="${third}"][data-state="complete"]`);
   await isAccessible(page, "queue");
   await page.click("#queue-confirm");
+  await says(page, "Waits: for displacement within 100 µm of 0 µm for 1 s");
   await page.waitForSelector(`#queue-items li[data-item="${last}"][data-state="running"]`);
   await state(page, "running");
   await page.click("#stop");
