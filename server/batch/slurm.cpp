@@ -170,7 +170,7 @@ std::string in_words(const Tasks& tasks) {
 void wait_for(const std::string& job, const Batch& batch, SlurmEnd& end) {
   using std::chrono::milliseconds;
   // The controller serves the whole cluster, so it is asked ever less.
-  constexpr milliseconds first(500), last(15000);
+  constexpr milliseconds first(500), last(15000), at_the_end(100);
   auto pause = first;
   auto next = Clock::now();
   Tasks tasks;
@@ -183,12 +183,12 @@ void wait_for(const std::string& job, const Batch& batch, SlurmEnd& end) {
     }
     const auto look = Clock::now();
     const auto over = batch.to_do().size() - batch.missing().size();
+    const bool all = over == batch.to_do().size();  // its end is near
     const auto cost = Clock::now() - look;
     if (!batch.tell("job " + job + ": " + (tasks.known ? in_words(tasks) : "Slurm does not answer"), over))
       return;
-    // Where all is there, its end is near.
-    if (over == batch.to_do().size()) next = std::min(next, Clock::now() + first);
-    std::this_thread::sleep_for(std::max<Clock::duration>(milliseconds(200), 20 * cost));
+    if (all) next = std::min(next, Clock::now() + at_the_end);
+    std::this_thread::sleep_for(std::max<Clock::duration>(all ? at_the_end : milliseconds(200), 20 * cost));
   }
   end.goes_on = false;
   end.cancelled = tasks.cancelled;

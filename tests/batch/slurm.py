@@ -170,6 +170,16 @@ def seconds_of(folder):
     return out
 
 
+def told(folder, slots, begin, end):
+    """What a batch takes beside its items: for each of them while they follow each other, and once for all."""
+    work = seconds_of(folder)
+    ends = {item: (root / folder / f"items/{item}.json").stat().st_mtime for item in work}
+    first, last = min(ends[item] - work[item] for item in work), max(ends.values())
+    return (f"{end - begin:.1f} s; an item {statistics.mean(work.values()):.2f} s; beside that "
+            f"{((last - first) * slots - sum(work.values())) / len(work):.2f} s a task, before the first "
+            f"{first - begin:.1f} s, after the last {end - last:.1f} s; {load()}")
+
+
 def load():
     return "load " + " ".join(f"{x:.1f}" for x in os.getloadavg()[:2])
 
@@ -240,12 +250,9 @@ def campaign(items):
         try:
             for what, folder in (("local", f"local-{slots}"), ("slurm", f"slurm-{slots}")):
                 how = ["--slurm"] if what == "slurm" else ["--local", slots]
-                begin = time.monotonic()
+                begin = time.time()
                 call("batch", "discover", short, *how, "--out", root / folder)
-                spent = time.monotonic() - begin
-                work = seconds_of(folder)
-                print(f"{what}, {slots} slots, 24 items: {spent:.1f} s; an item {statistics.mean(work.values()):.2f} s; beside "
-                      f"that {(spent * slots - sum(work.values())) / len(work):.2f} s a task; {load()}", flush=True)
+                print(f"{what}, {slots} slots: {told(folder, slots, begin, time.time())}", flush=True)
         finally:
             slurm.stop()
         check_same(f"local-{slots}", f"slurm-{slots}")
