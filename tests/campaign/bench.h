@@ -54,7 +54,7 @@ Kind kind_of(int index);
 nlohmann::json truth_of(const Bench& bench);
 // model.json, truth.json and a recording each in `folder`, which is made.
 void write_bench(const Bench& bench, const std::string& folder);
-// What write_bench() wrote.
-Bench read_bench(const std::string& folder);
+// What is hidden in it, as write_bench() wrote it: all that an answer is judged by.
+Bench read_truth(const std::string& folder);
 
 }  // namespace ferrobench::campaign

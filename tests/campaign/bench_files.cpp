@@ -81,7 +81,7 @@ void write_bench(const Bench& b, const std::string& folder) {
     recordings::write_recording((path / (r.name + ".h5")).string(), r.recording);
 }
 
-Bench read_bench(const std::string& folder) {
+Bench read_truth(const std::string& folder) {
   const std::filesystem::path path(folder);
   const auto truth = read_json(path / "truth.json");
   Bench b;
@@ -89,7 +89,6 @@ Bench read_bench(const std::string& folder) {
   b.index = truth.at("index");
   b.kind = kind_named(truth.at("kind").get<std::string>());
   b.coloured = truth.at("coloured");
-  b.handed = model::model_from_file((path / "model.json").string());
   b.candidates = truth.at("candidates").get<std::vector<std::string>>();
   for (const auto& e : truth.at("effects")) {
     b.effects.push_back(setting_from(e));
@@ -98,8 +97,6 @@ Bench read_bench(const std::string& folder) {
   }
   for (const auto& p : truth.value("physics", nlohmann::json::array())) b.physics.push_back(setting_from(p));
   b.left = truth.value("left", 0.0);
-  for (const std::string name : truth.at("recordings"))
-    b.recordings.push_back({name, recordings::read_recording((path / (name + ".h5")).string())});
   return b;
 }
 

@@ -1,11 +1,10 @@
-// ferrobench_campaign: simulated benches, the workflow run on each, and what came out.
+// ferrobench_campaign: makes simulated benches for a batch of discoveries, and counts what came of it.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <atomic>
 #include <charconv>
 #include <chrono>
-#include <csignal>
 #include <exception>
 #include <filesystem>
 #include <fstream>
@@ -18,30 +17,39 @@
 #include "tests/campaign/table.h"
 
 namespace ferrobench::campaign {
+
+using nlohmann::json;
+
 namespace {
 
 constexpr std::string_view usage =
-    "ferrobench_campaign [--benches N] [--seed S] [--kind K] [--first I] [--jobs J] [--commanded SHARE] "
-    "[--vary V,V] [--json OUT] [--write FOLDER | --read FOLDER] [--strict yes]\n"
+    "ferrobench_campaign --write FOLDER [--benches N] [--seed S] [--kind K] [--first I] [--jobs J] "
+    "[--commanded SHARE] "
+    "[--vary V,V]\n"
+    "ferrobench_campaign --judge FOUND --read FOLDER [--json OUT] [--strict yes]\n"
+    "  --write  makes benches (model.json, truth.json, *.h5) in FOLDER/bench-NNN, and FOLDER/manifest.json "
+    "for\n"
+    "           'ferrobench batch discover FOLDER/manifest.json --out FOUND'\n"
+    "  --judge  counts the answers of that batch against what was hidden in the benches of --read\n"
     "  --kind   single | pair | nothing | moved | outside | withheld | coloured | physics; without it a\n"
     "           mixture of all but the last\n"
     "  --first  index of the first bench\n"
-    "  --jobs   benches at a time, which share the cores (1)\n"
+    "  --jobs   benches that are made at a time (1)\n"
     "  --commanded  share of the benches whose recordings hold the command (0.85); where the drive is at "
     "fault\n"
     "           they always do\n"
     "  --vary   any of low_noise,few_recordings,past,charge_only\n"
-    "  --json   the answers; those that OUT holds already are kept and not asked for again\n"
-    "  --write  write the benches (model.json, truth.json, *.h5) into FOLDER/bench-NNN and run nothing\n"
-    "  --read   take the benches from there\n"
+    "  --json   a file for all that is counted\n"
     "  --strict yes: exit code 2 unless every answer is right\n";
+
+constexpr std::string_view see = "; without arguments this program says what it takes";
 
 struct Arguments {
   int benches = 25, first = 0, jobs = 1;
   std::uint64_t seed = 1;
   std::optional<Kind> kind;
   BenchOptions bench{};
-  std::string write, read, json;
+  std::string write, judge, read, json;
   bool strict = false;
 };
 
@@ -76,7 +84,7 @@ Arguments parse(std::span<char*> words) {
   for (std::size_t i = 1; i < words.size(); i += 2) {
     const std::string name = words[i];
     if (i + 1 == words.size())
-      throw Error(ErrorCode::invalid_params, name + " needs a value\n" + std::string(usage));
+      throw Error(ErrorCode::invalid_params, name + " needs a value" + std::string(see));
     const std::string value = words[i + 1];
     if (name == "--benches") {
       a.benches = number<int>(name, value);
@@ -91,6 +99,8 @@ Arguments parse(std::span<char*> words) {
       if (a.bench.commanded > 1) throw bad(name, value, "a share, 0 to 1");
     } else if (name == "--write") {
       a.write = value;
+    } else if (name == "--judge") {
+      a.judge = value;
     } else if (name == "--read") {
       a.read = value;
     } else if (name == "--json") {
@@ -103,102 +113,63 @@ Arguments parse(std::span<char*> words) {
     } else if (name == "--kind") {
       a.kind = kind_named(value);
     } else {
-      throw Error(ErrorCode::invalid_params, name + " is not known\n" + std::string(usage));
+      throw Error(ErrorCode::invalid_params, name + " is not known" + std::string(see));
     }
   }
+  if (a.write.empty() == a.judge.empty() || a.judge.empty() != a.read.empty())
+    throw Error(ErrorCode::invalid_params,
+                "either --write or --judge with --read is wanted" + std::string(see));
   return a;
 }
 
-std::string folder_of(const std::string& parent, int index) {
-  return fmt::format("{}/bench-{:03}", parent, index);
+std::string name_of(int index) {
+  return fmt::format("bench-{:03}", index);
+}
+
+std::string line_of(const Bench& bench, double seconds) {
+  const auto truth = truth_of(bench);
+  std::string effects;
+  for (const auto& e : truth["effects"])
+    effects += fmt::format(" {} {} size {:.3g}", e["id"].get<std::string>(), e["parameters"].dump(),
+                           e["size"].get<double>());
+  for (const auto& p : truth["physics"]) effects += " with " + p.dump();
+  if (bench.left > 0) effects += fmt::format(" that leave {:.3g}", bench.left);
+  std::size_t samples = 0;
+  for (const auto& r : bench.recordings) samples += r.recording.size();
+  return fmt::format("{} {}{}, {} samples, {:.1f} s", name_of(bench.index), kind_name(bench.kind), effects,
+                     samples, seconds);
+}
+
+// One item of the batch: what discover is asked of the bench.
+json item_of(const Bench& bench) {
+  const auto name = name_of(bench.index);
+  json options{{"seed", bench.seed}, {"report", false}};
+  if (!bench.candidates.empty()) options["candidates"] = bench.candidates;
+  json files = json::array();
+  for (const auto& r : bench.recordings) files.push_back(name + "/" + r.name + ".h5");
+  return {{"id", name}, {"model", name + "/model.json"}, {"recordings", files}, {"options", options}};
 }
 
 void write_all(const Arguments& a) {
-  for (int i = a.first; i < a.first + a.benches; ++i) {
-    const auto begin = std::chrono::steady_clock::now();
-    const auto bench = make_bench(a.seed, i, a.kind.value_or(kind_of(i)), a.bench);
-    const auto folder = folder_of(a.write, i);
-    write_bench(bench, folder);
-    const auto truth = truth_of(bench);
-    std::size_t samples = 0;
-    for (const auto& r : bench.recordings) samples += r.recording.size();
-    std::string effects;
-    for (const auto& e : truth["effects"])
-      effects += " " + e["id"].get<std::string>() + " " + e["parameters"].dump() + " size " +
-                 std::to_string(e["size"].get<double>());
-    for (const auto& p : truth["physics"]) effects += " with " + p.dump();
-    if (bench.left > 0) effects += " that leave " + std::to_string(bench.left);
-    std::cout << folder << ' ' << truth["kind"].get<std::string>() << effects << ", " << samples
-              << " samples, "
-              << std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() << " s\n"
-              << std::flush;
-  }
-}
-
-volatile std::sig_atomic_t interrupted = 0;
-
-Outcome answer(const Bench& bench, int threads) {
-  model::DiscoverOptions options;
-  options.candidates = bench.candidates;
-  options.seed = bench.seed;
-  options.threads = threads;
-  options.progress = [](const model::DiscoverProgress&) { return interrupted == 0; };
-  try {
-    return score(bench, model::discover(bench.handed, bench.recordings, options));
-  } catch (const Error& error) {
-    if (error.code() == ErrorCode::cancelled) throw;
-    return score_error(bench, error.what());
-  }
-}
-
-std::map<int, Outcome> answered(const Arguments& a) {
-  std::map<int, Outcome> out;
-  std::ifstream file(a.json);
-  if (a.json.empty() || !file) return out;
-  const auto json = nlohmann::json::parse(file);
-  if (json.at("seed") != a.seed) throw bad("--json", a.json, "a file of the same seed, or a new one");
-  for (const auto& o : json.at("benches")) out.emplace(o.at("index"), outcome_from_json(o));
-  return out;
-}
-
-// Until done, or until Ctrl-C: then with what there is so far.
-std::vector<Outcome> run_all(const Arguments& a) {
-  (void)std::signal(SIGINT, [](int) { interrupted = 1; });
-  auto outcomes = answered(a);
-  const auto all = [&] {
-    std::vector<Outcome> out;
-    out.reserve(outcomes.size());
-    for (const auto& [index, outcome] : outcomes) out.push_back(outcome);
-    return out;
-  };
-  std::mutex mutex;
-  std::atomic<int> next = a.first;
+  std::vector<json> items(static_cast<std::size_t>(a.benches));
+  std::mutex mutex;  // over files and output
   std::exception_ptr failure;
-  const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / a.jobs);
+  std::atomic<int> next = 0;
   const auto work = [&] {
-    for (int i = next++; i < a.first + a.benches && interrupted == 0; i = next++) {
-      {
+    try {
+      for (int i = next++; i < a.benches; i = next++) {
+        const auto begin = std::chrono::steady_clock::now();
+        const auto bench = make_bench(a.seed, a.first + i, a.kind.value_or(kind_of(a.first + i)), a.bench);
+        const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+        items[static_cast<std::size_t>(i)] = item_of(bench);
         const std::scoped_lock lock(mutex);
-        if (outcomes.contains(i)) continue;
+        write_bench(bench, a.write + "/" + name_of(bench.index));
+        std::cout << line_of(bench, spent.count()) << std::endl;
       }
-      try {
-        const auto outcome =
-            answer(a.read.empty() ? make_bench(a.seed, i, a.kind.value_or(kind_of(i)), a.bench)
-                                  : read_bench(folder_of(a.read, i)),
-                   threads);
-        const std::scoped_lock lock(mutex);
-        outcomes.emplace(i, outcome);
-        std::cout << line_of(outcome) << std::endl;
-        if (a.json.empty()) continue;
-        auto json = json_of(all());
-        json["seed"] = a.seed;
-        std::ofstream(a.json + ".new") << json.dump(1) << '\n';
-        std::filesystem::rename(a.json + ".new", a.json);
-      } catch (...) {
-        const std::scoped_lock lock(mutex);
-        if (interrupted == 0) failure = std::current_exception();
-        interrupted = 1;
-      }
+    } catch (...) {
+      const std::scoped_lock lock(mutex);
+      failure = std::current_exception();
+      next = a.benches;
     }
   };
   {
@@ -207,8 +178,45 @@ std::vector<Outcome> run_all(const Arguments& a) {
     work();
   }
   if (failure) std::rethrow_exception(failure);
-  std::cout << text_of(all());
-  return all();
+  std::ofstream manifest(a.write + "/manifest.json");
+  manifest << json{{"items", items}}.dump(1) << '\n';
+  if (!manifest.flush()) throw Error(ErrorCode::io_error, a.write + "/manifest.json cannot be written");
+}
+
+// Of each item, which its result does not hold.
+std::map<std::string, double> seconds_of(const std::filesystem::path& batch) {
+  std::map<std::string, double> out;
+  for (const auto& log : std::filesystem::directory_iterator(batch / "log")) {
+    std::ifstream in(log.path());
+    for (std::string line; std::getline(in, line);) {
+      const auto told = json::parse(line, nullptr, false);
+      if (told.is_object() && told.contains("seconds")) out[told.at("item")] = told.at("seconds");
+    }
+  }
+  return out;
+}
+
+std::vector<Outcome> judge_all(const Arguments& a) {
+  const std::filesystem::path batch(a.judge);
+  const auto seconds = seconds_of(batch);
+  std::vector<std::filesystem::path> results;
+  for (const auto& entry : std::filesystem::directory_iterator(batch / "items"))
+    if (entry.path().extension() == ".json") results.push_back(entry.path());
+  std::ranges::sort(results);
+  std::vector<Outcome> out;
+  for (const auto& file : results) {
+    std::ifstream in(file);
+    const auto result = json::parse(in);
+    const std::string id = result.at("id");
+    const auto bench = read_truth(a.read + "/" + id);
+    out.push_back(result.at("state") == "done" ? score(bench, result.at("result"))
+                                               : score_error(bench, result.at("error").at("message")));
+    if (const auto spent = seconds.find(id); spent != seconds.end()) out.back().seconds = spent->second;
+    std::cout << line_of(out.back()) << '\n';
+  }
+  std::cout << text_of(out);
+  if (!a.json.empty()) std::ofstream(a.json) << json_of(out).dump(1) << '\n';
+  return out;
 }
 
 }  // namespace
@@ -217,12 +225,16 @@ std::vector<Outcome> run_all(const Arguments& a) {
 int main(int argc, char** argv) {
   using namespace ferrobench;
   try {
+    if (argc < 2) {
+      std::cout << campaign::usage;
+      return 0;
+    }
     const auto arguments = campaign::parse({argv, static_cast<std::size_t>(argc)});
     if (!arguments.write.empty()) {
       campaign::write_all(arguments);
       return 0;
     }
-    const auto outcomes = campaign::run_all(arguments);
+    const auto outcomes = campaign::judge_all(arguments);
     return arguments.strict && !std::ranges::all_of(outcomes, &campaign::Outcome::right) ? 2 : 0;
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';

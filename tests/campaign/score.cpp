@@ -7,6 +7,9 @@
 #include "model/inference/parameters/scaled_parameters.h"
 
 namespace ferrobench::campaign {
+
+using nlohmann::json;
+
 namespace {
 
 bool in_catalogue(Kind kind) {
@@ -25,21 +28,27 @@ Outcome start(const Bench& b) {
   return o;
 }
 
-std::set<std::string> ids_of(const model::Explanation& explanation) {
+std::set<std::string> ids_of(const json& explanation) {
   std::set<std::string> out;
-  for (const auto& e : explanation.effects) out.insert(e.id);
+  for (const auto& e : explanation.at("effects")) out.insert(e.at("id"));
   return out;
 }
 
+// JSON has no infinite numbers: null stands for them.
+double number_or(const json& value, double otherwise) {
+  return value.is_number() ? value.get<double>() : otherwise;
+}
+
 // One of the explanations, or a name that the answer calls equivalent to the truth.
-bool within_class(const Outcome& o, const model::Discovery& d) {
-  for (const auto& explanation : d.explanations)
+bool within_class(const Outcome& o, const json& found) {
+  for (const auto& explanation : found.at("explanations"))
     if (ids_of(explanation) == o.truth) return true;
   if (o.named.size() != o.truth.size()) return false;
   return std::all_of(o.truth.begin(), o.truth.end(), [&](const std::string& id) {
     if (o.named.contains(id)) return true;
-    return std::any_of(d.equivalent.begin(), d.equivalent.end(), [&](const auto& group) {
-      const auto has = [&](const std::string& name) {
+    const auto& groups = found.at("equivalent");
+    return std::any_of(groups.begin(), groups.end(), [&](const json& group) {
+      const auto has = [&](const json& name) {
         return std::find(group.begin(), group.end(), name) != group.end();
       };
       return has(id) && std::any_of(o.named.begin(), o.named.end(), has);
@@ -48,26 +57,27 @@ bool within_class(const Outcome& o, const model::Discovery& d) {
 }
 
 // What is hidden is weaker than what, the answer says, could have shown.
-bool below_detection(const Bench& b, const model::Discovery& d) {
+bool below_detection(const Bench& b, const json& found) {
   return !b.effects.empty() && std::all_of(b.effects.begin(), b.effects.end(), [&](const auto& hidden) {
-    if (std::find(d.not_testable.begin(), d.not_testable.end(), hidden.id) != d.not_testable.end())
-      return true;
-    const auto smallest = d.smallest_detectable.find(hidden.id);
-    if (smallest == d.smallest_detectable.end()) return false;
+    const auto& not_testable = found.at("not_testable");
+    if (std::find(not_testable.begin(), not_testable.end(), hidden.id) != not_testable.end()) return true;
+    const auto smallest = found.at("smallest_detectable").find(hidden.id);
+    if (smallest == found.at("smallest_detectable").end()) return false;
     const auto& parameter = model::find_effect(hidden.id).parameters.front();
     const model::inference::Amplitude amplitude(parameter);
     return std::any_of(hidden.parameters.begin(), hidden.parameters.end(), [&](const auto& p) {
       return p.first == parameter.name &&
              std::abs(amplitude.strength(p.second)) <
-                 std::abs(amplitude.strength(smallest->second.at(std::string(parameter.name))));
+                 std::abs(
+                     amplitude.strength(smallest->at(std::string(parameter.name)).template get<double>()));
     });
   });
 }
 
-double rms(const model::ChannelFigures& figures) {
+double rms(const json& by_channel) {
   double sum = 0;
-  for (const auto& [channel, value] : figures) sum += value * value;
-  return figures.empty() ? 0 : std::sqrt(sum / static_cast<double>(figures.size()));
+  for (const auto& value : by_channel) sum += value.get<double>() * value.get<double>();
+  return by_channel.empty() ? 0 : std::sqrt(sum / static_cast<double>(by_channel.size()));
 }
 
 std::string joined(const std::set<std::string>& names) {
@@ -94,37 +104,38 @@ bool Outcome::wrong_name() const {
                                 [&](const auto& id) { return !in_catalogue || !truth.contains(id); });
 }
 
-Outcome score(const Bench& b, const model::Discovery& d) {
+Outcome score(const Bench& b, const json& found) {
   Outcome o = start(b);
-  for (const auto& [verdict, name] : enum_names(model::Verdict{}))
-    if (verdict == d.verdict) o.verdict = name;
-  if (o.names() && !d.explanations.empty()) {
-    const auto& best = d.explanations.front();
+  o.verdict = found.at("verdict");
+  if (o.names() && !found.at("explanations").empty()) {
+    const auto& best = found.at("explanations").front();
     o.named = ids_of(best);
-    o.probability = best.probability;
-    for (const auto& found : best.effects)
-      for (const auto& hidden : b.effects)
-        if (found.id == hidden.id && o.in_catalogue)
-          for (const auto& p : found.parameters)
-            for (const auto& [name, value] : hidden.parameters)
-              if (name == p.name) {
-                o.parameter_errors.push_back(std::abs(p.value / value - 1));
-                ++o.intervals;
-                o.holding += p.low <= value && value <= p.high;
-              }
-    o.class_right = o.in_catalogue && !o.truth.empty() && within_class(o, d);
+    o.probability = best.at("probability");
+    for (const auto& effect : best.at("effects"))
+      for (const auto& hidden : b.effects) {
+        if (effect.at("id") != hidden.id || !o.in_catalogue) continue;
+        for (const auto& [name, value] : hidden.parameters) {
+          if (!effect.at("parameters").contains(name)) continue;
+          o.parameter_errors.push_back(std::abs(effect.at("parameters").at(name).get<double>() / value - 1));
+          const auto& interval = effect.at("intervals").at(name);
+          ++o.intervals;
+          o.holding +=
+              number_or(interval.at(0), -HUGE_VAL) <= value && value <= number_or(interval.at(1), HUGE_VAL);
+        }
+      }
+    o.class_right = o.in_catalogue && !o.truth.empty() && within_class(o, found);
   } else {
-    o.probability = o.verdict == "unknown" ? d.probability_unknown : d.probability_nothing;
-    o.class_right = o.in_catalogue && o.verdict == "nothing_missing" && below_detection(b, d);
+    o.probability = found.at(o.verdict == "unknown" ? "probability_unknown" : "probability_nothing");
+    o.class_right = o.in_catalogue && o.verdict == "nothing_missing" && below_detection(b, found);
   }
-  if (d.family) {
-    o.family = std::string(model::family_name(*d.family));
+  if (found.at("family").is_string()) {
+    o.family = found.at("family");
     o.family_right = std::find(b.families.begin(), b.families.end(), *o.family) != b.families.end();
   }
-  o.before = rms(d.held_out.before);
-  o.after = rms(d.held_out.after);
-  o.share_held_out = d.share_held_out;
-  o.seconds = d.health.seconds;
+  const auto& gap = found.at("gap").at("held_out");
+  o.before = rms(gap.at("before"));
+  o.after = rms(gap.at("after"));
+  o.share_held_out = found.at("share_held_out");
   return o;
 }
 
@@ -155,7 +166,7 @@ std::string line_of(const Outcome& o) {
   return out + "  " + numbers;
 }
 
-nlohmann::json to_json(const Outcome& o) {
+json to_json(const Outcome& o) {
   return {{"index", o.index},
           {"kind", kind_name(o.kind)},
           {"coloured", o.coloured},
@@ -165,7 +176,7 @@ nlohmann::json to_json(const Outcome& o) {
           {"verdict", o.verdict},
           {"error", o.error},
           {"named", o.named},
-          {"family", o.family ? nlohmann::json(*o.family) : nlohmann::json()},
+          {"family", o.family ? json(*o.family) : json()},
           {"family_right", o.family_right},
           {"probability", o.probability},
           {"right", o.right()},
@@ -174,34 +185,6 @@ nlohmann::json to_json(const Outcome& o) {
           {"intervals", {{"count", o.intervals}, {"holding", o.holding}}},
           {"held_out", {{"before", o.before}, {"after", o.after}, {"share", o.share_held_out}}},
           {"seconds", o.seconds}};
-}
-
-Outcome outcome_from_json(const nlohmann::json& json) {
-  Outcome o;
-  json.at("index").get_to(o.index);
-  o.kind = kind_named(json.at("kind").get<std::string>());
-  json.at("coloured").get_to(o.coloured);
-  json.at("truth").get_to(o.truth);
-  o.in_catalogue = in_catalogue(o.kind);
-  json.at("size").get_to(o.size);
-  o.over_left = json.value("over_left", 0.0);
-  json.at("verdict").get_to(o.verdict);
-  json.at("error").get_to(o.error);
-  json.at("named").get_to(o.named);
-  if (json.at("family").is_string()) o.family = json.at("family").get<std::string>();
-  json.at("family_right").get_to(o.family_right);
-  o.class_right = json.at("right_up_to_class").get<bool>() && !o.right();
-  json.at("probability").get_to(o.probability);
-  json.at("parameter_errors").get_to(o.parameter_errors);
-  if (const auto intervals = json.find("intervals"); intervals != json.end()) {
-    intervals->at("count").get_to(o.intervals);
-    intervals->at("holding").get_to(o.holding);
-  }
-  json.at("held_out").at("before").get_to(o.before);
-  json.at("held_out").at("after").get_to(o.after);
-  o.share_held_out = json.at("held_out").value("share", 0.0);
-  json.at("seconds").get_to(o.seconds);
-  return o;
 }
 
 }  // namespace ferrobench::campaign

@@ -37,10 +37,10 @@ struct Outcome {
   bool wrong_name() const;
 };
 
-Outcome score(const Bench& bench, const model::Discovery& discovery);
+// `found`: the answer as a batch keeps it, which holds no time.
+Outcome score(const Bench& bench, const nlohmann::json& found);
 Outcome score_error(const Bench& bench, const std::string& what);
 std::string line_of(const Outcome& outcome);
 nlohmann::json to_json(const Outcome& outcome);
-Outcome outcome_from_json(const nlohmann::json& json);
 
 }  // namespace ferrobench::campaign
