@@ -110,7 +110,7 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
     // Names that would take half of the picture stand below it, two in a line.
     constexpr std::size_t short_name = 12, line = 17;  // bytes; pixels
     const bool below = figure.square && longest > short_name;
-    const auto height = 360 + (below ? line * ((labels + 1) / 2) : 0);
+    const auto height = 360 + (below ? line * ((labels + 1) / 2 + 1) : 0);
     // The time axes of wide figures lie below each other.
     out += figure.square ? "set terminal svg size 460," + std::to_string(height)
                          : "set terminal svg size 940,220";
@@ -119,7 +119,9 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
                          : std::string("set lmargin at screen 0.1\nset rmargin at screen ") +
                                (keyed ? "0.8\n" : "0.98\n");
     out += "set output " + quoted(folder.file(number + ".svg")) + '\n';
-    out += below ? "set key outside center bottom\n" : "set key outside right top\n";
+    // The empty title keeps the names apart from what the axis is called.
+    out += below ? "set key outside center bottom horizontal maxcols 2 title ' '\n"
+                 : "set key outside right top vertical maxcols auto title ''\n";
     out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
     out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +
            " noenhanced\n";
@@ -133,8 +135,8 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
       const auto range = number_in_full(largest > 0 ? largest : 1);
       out +=
           "set pm3d map corners2color mean\nset palette defined (-1 '#2f7fd8', 0 '#d8d8d8', 1 '#e07020')\n";
-      out += "set cbrange [-" + range + ":" + range + "]\nset cblabel " + quoted(figure.map->label) +
-             " noenhanced\n";
+      out.append("set cbrange [-").append(range).append(":").append(range).append("]\nset cblabel ");
+      out.append(quoted(figure.map->label)).append(" noenhanced\n");
       out += "splot " + quoted(name) + " using 1:2:3 with pm3d notitle\nunset pm3d\n";
       continue;
     }

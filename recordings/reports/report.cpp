@@ -1,6 +1,7 @@
 #include "recordings/reports/report.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "base/fields.h"
 #include "base/number_text.h"
@@ -66,6 +67,7 @@ nlohmann::json as_json(const Report& report) {
 // Of a copy whose channels are brought to the time of their row.
 std::shared_ptr<const Analysis> aligned(const Recording& recording) {
   struct Own {
+    explicit Own(Recording r) : recording(std::move(r)) {}
     Recording recording;
     Analysis analysis{recording};
   };
