@@ -22,8 +22,9 @@ void give_way() {
 }
 
 void take_precedence() {
-  // Ten times an ordinary thread's share: it is on within a few ms though twenty others want the processor. It is not
-  // real-time priority, as what strangers send is handled here and may not keep the processor from all others.
+  // Ten times an ordinary thread's share: it is on within a few ms though twenty others want the processor.
+  // It is not real-time priority, as what strangers send is handled here and may not keep the processor from
+  // all others.
   be_nice(-10);
 }
 
