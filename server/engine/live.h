@@ -3,7 +3,7 @@
 //
 // The topic "samples": {run, measured, columns: {time: [..], command: {first: [..], min: [..], max: [..]},
 // ..}}, SI units; a time is that of the first row of its stretch. `measured` is the moment of the last row by
-// this machine's clock, as it was seen in the journal: late by the 15 ms between two looks at most, unless
+// this machine's clock, as it was seen in the journal: late by the 12 ms between two looks at most, unless
 // the disk or the machine is slow. Messages merge by joining their stretches, and neighbours are joined where
 // there would be more than max_bins.
 #pragma once
@@ -38,7 +38,8 @@ class LiveStream {
   Hub& hub_;
   std::string run_;
   nlohmann::json held_;
-  Pace pace_{std::chrono::milliseconds(33)};
+  // 40 a second: a page that draws one picture late now and then still draws 30.
+  Pace pace_{std::chrono::milliseconds(25)};
 };
 
 }  // namespace ferrobench::server

@@ -16,7 +16,7 @@ namespace ferrobench::server {
 namespace {
 
 constexpr std::chrono::milliseconds status_interval{200};
-constexpr std::chrono::milliseconds look_interval{15};  // half of what samples are shown by (live.h)
+constexpr std::chrono::milliseconds look_interval{12};  // half of what samples are shown by (live.h)
 constexpr std::uint64_t most_shown = 8u << 20;  // bytes of the journal at a time; older ones are not shown
 // A process that is started at this moment has the journal, and its lock, until it has become another
 // program.
