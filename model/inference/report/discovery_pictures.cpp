@@ -21,7 +21,7 @@ recordings::Figure picture_of(const MissingSignal& signal) {
           .x_label = "time [s]",
           .y_label = axis.label,
           .log_x = false,
-          .square = false,
+          .square = true,
           .series = {std::move(s)}};
 }
 
@@ -33,6 +33,7 @@ std::string pictures(const Discovery& d) {
   for (const auto& t : d.traces) {
     const auto axis = picture_axis(t.channel);
     recordings::Figure f;
+    f.square = true;  // two beside each other
     f.title = t.recording + (t.held_out ? ", locked away" : "") + ": " + t.segment;
     f.x_label = "time [s]";
     f.y_label = axis.label;
@@ -50,7 +51,7 @@ std::string pictures(const Discovery& d) {
                             .x_label = f.x_label,
                             .y_label = f.y_label,
                             .log_x = false,
-                            .square = false,
+                            .square = true,
                             .series = {}};
     figures.push_back(std::move(f));
     std::swap(f, miss);

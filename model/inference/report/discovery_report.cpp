@@ -281,7 +281,7 @@ recordings::Table health_table(const Discovery& d) {
   if (d.health.allowed_left > 0)
     row("left after the explanation",
         fmt::format("{:.0f} of {:.0f} allowed (drop of the sum of squares by anything more)",
-                    d.health.largest_left, d.health.allowed_left));
+                    std::max(0.0, d.health.largest_left), d.health.allowed_left));
   for (const auto& [channel, n] : d.health.noise)
     row(fmt::format("noise of the {}", recordings::channel_name(channel)),
         fmt::format("{:.3g} {}{}", n.std, recordings::channel_unit(channel),
