@@ -94,6 +94,24 @@ std::vector<int> colours_of(const std::vector<Series>& series) {
   return out;
 }
 
+// Between the numbers along a narrow axis: 1, 2 or 5 times a power of ten, six numbers or so. gnuplot's own
+// choice runs together where they have many digits. "autofreq" leaves it the choice.
+std::string x_step(const Figure& figure) {
+  double low = INFINITY, high = -INFINITY;
+  for (const auto& s : figure.series)
+    for (const auto& [x, y] : s.points) {
+      if (!std::isfinite(x)) continue;
+      low = std::min(low, x);
+      high = std::max(high, x);
+    }
+  if (!figure.square || figure.log_x || !(high > low)) return "autofreq";
+  constexpr double most = 6.5;  // a little more than six, as noise makes a range longer
+  const double power = std::pow(10, std::floor(std::log10((high - low) / most)));
+  for (const double times : {1.0, 2.0, 5.0})
+    if ((high - low) / (times * power) <= most) return number_in_full(times * power);
+  return number_in_full(10 * power);
+}
+
 std::string script(const std::vector<Figure>& figures, const ScratchFolder& folder) {
   std::string out =
       "set encoding utf8\nset grid lc rgb '#a0a0a0' lw 0.4\nset border 3 lw 0.8\nset tics nomirror\n"
@@ -123,6 +141,7 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
     out += below ? "set key outside center bottom horizontal maxcols 2 title ' '\n"
                  : "set key outside right top vertical maxcols auto title ''\n";
     out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
+    out += "set xtics " + x_step(figure) + '\n';
     out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +
            " noenhanced\n";
     if (figure.map) {
