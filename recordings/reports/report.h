@@ -26,6 +26,7 @@ struct Report {
 
 // The recording outlives the report.
 Report make_report(const Recording& recording);
+Report make_report(Recording&&) = delete;
 // HTML draws its pictures with gnuplot; without it the page says so in their place.
 std::string render(const Report& report, Format format);
 

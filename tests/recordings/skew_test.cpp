@@ -78,7 +78,8 @@ TEST(Skew, TrustsNoDescription) {
 }
 
 TEST(Skew, IsSaidInTheReport) {
-  const auto report = make_report(skewed());
+  const auto recording = skewed();
+  const auto report = make_report(recording);
   const auto said = std::ranges::find_if(report.facts, [](const auto& f) { return f.first == "channels"; });
   ASSERT_NE(said, report.facts.end());
   EXPECT_NE(said->second.find("8 µs"), std::string::npos) << said->second;

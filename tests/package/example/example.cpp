@@ -43,7 +43,7 @@ int main(int argc, char** argv) {
 
     const auto read = recordings::read_recording(argv[1]);
     if (read.at(Channel::displacement) != made.at(Channel::displacement)) return 1;
-    std::fputs(render(make_report(read), read, recordings::Format::text).c_str(), stdout);
+    std::fputs(render(make_report(read), recordings::Format::text).c_str(), stdout);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;
