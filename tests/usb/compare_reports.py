@@ -13,6 +13,8 @@ SCALES = {
     ("stroke", "field_"): ("stroke", "field_high_kV_per_mm"),
     ("creep", "displacement_"): ("stroke", "stroke_um"),
     ("creep", "polarization_"): ("hysteresis", "remanent_falling_C_per_m2"),
+    ("creep_readings_displacement", "after_"): ("stroke", "stroke_um"),
+    ("creep_readings_polarization", "after_"): ("hysteresis", "remanent_falling_C_per_m2"),
 }
 # A specimen on a real device waits for its first field, and depoles under its prestress meanwhile: what the first cycle
 # begins with says how long.
