@@ -17,8 +17,8 @@ struct BiasSine {
   double cycles = 0;
   Approach approach = Approach::none;  // direction of the last ramp before it
 };
-inline constexpr std::size_t fewest_in_sine =
-    20;  // samples: those of one cycle, sampled as slowly as allowed
+// Samples: those of one cycle, sampled as slowly as allowed.
+inline constexpr std::size_t fewest_in_sine = 20;
 
 // Of the recording's protocol, those that were played to their end; none where the recording has no protocol
 // or no segments. Takes as long as expanding the protocol does.

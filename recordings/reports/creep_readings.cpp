@@ -42,8 +42,7 @@ Table reading_table(const Analysis& analysis, const std::vector<Hold>& holds,
   if (!signal.exact)
     table.notes.emplace_back(
         "Noisy channel: the mean of the samples within a twentieth of a decade on either side of the time, "
-        "less "
-        "the start, which comes from a line through the first samples of the hold.");
+        "less the start, which comes from a line through the first samples of the hold.");
   return table;
 }
 

@@ -27,7 +27,7 @@ struct Map {
 struct Figure {
   std::string title, x_label, y_label;
   bool log_x = false;
-  bool square = false;  // for loops; else wide and low
+  bool square = false;  // loops, and what stands two in a row; else wide and low
   std::vector<Series> series;
   std::optional<Map> map = {};  // in place of series
   std::string note = {};        // what the reader must know of the drawing, "" for nothing

@@ -221,8 +221,7 @@ void add_queue_add(CLI::App* queue, const std::shared_ptr<QueueOptions>& o, Comm
                   "what is waited for at zero field before each run, "
                   "CHANNEL=VALUE:TOLERANCE:UNIT:SECONDS:MOST_SECONDS: "
                   "the channel (field, charge, displacement or force) has been that near to the value for so "
-                  "long; a run "
-                  "that has waited longest in vain has failed")
+                  "long; a run that has waited longest in vain has failed")
       ->type_name("CONDITION");
   sub->add_option("--repeats", o->repeats, "of each combination")
       ->check(number_from(1))
