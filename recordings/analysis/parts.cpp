@@ -14,7 +14,8 @@ namespace {
 constexpr double alike = 1.02;
 
 bool of_one_range(const std::vector<Cycle>& cycles) {
-  const auto& [first, span] = std::pair(cycles.front(), cycles.front().high - cycles.front().low);
+  const auto& first = cycles.front();
+  const double span = first.high - first.low;
   return std::ranges::all_of(cycles, [&](const Cycle& c) {
     return std::abs(c.high - first.high) + std::abs(c.low - first.low) < 2 * (alike - 1) * span;
   });

@@ -117,14 +117,14 @@ std::vector<Pulse> find_pulses(const Recording& r) {
 
 bool is_pund(const Recording& r, const std::vector<Pulse>& pulses) {
   constexpr std::size_t least = 4, most = 64;
-  constexpr double alike = 0.5;
+  constexpr double least_height = 0.5;
   const auto& field = r.at(Channel::field);
   if (pulses.size() < least || pulses.size() > most) return false;
   double largest = 0;
   for (const auto& p : pulses) largest = std::max(largest, std::abs(field[p.peak]));
   bool up = false, down = false;
   for (std::size_t i = 0; i < pulses.size(); ++i) {
-    if (std::abs(field[pulses[i].peak]) < alike * largest) return false;
+    if (std::abs(field[pulses[i].peak]) < least_height * largest) return false;
     if (i == 0 || pulses[i].up != pulses[i - 1].up) continue;
     (pulses[i].up ? up : down) = true;
   }
