@@ -137,7 +137,8 @@ SimulationStatistics simulate_alike(std::span<const Model> models, std::span<con
   for (std::size_t i = 0; i < models.size(); ++i) {
     auto sensors = models[i];
     std::erase_if(sensors.effects, [](const auto& e) { return !is_sensor(find_effect(e.id).family); });
-    install_effects(sensors, state.onlookers.emplace_back(Ports{}, out[i]).ports);
+    state.onlookers.push_back({{}, out[i]});
+    install_effects(sensors, state.onlookers.back().ports);
   }
   play_knots(state, knot_time, knot_field, times, {}, [&](std::size_t done) { state.first_row = done; });
   return state.statistics;

@@ -86,8 +86,8 @@ std::vector<Screened> screen(const WhitenedResiduals& residuals, const Fit& fit,
     for (auto& p : probes)
       if (!p.done) open.push_back(&p);
     // Those that differ in sensors only together: one simulation shows them all.
-    std::ranges::stable_partition(open,
-                                  [&](const Probe* p) { return is_sensor(out[p->effect].effect->family); });
+    std::stable_partition(open.begin(), open.end(),
+                          [&](const Probe* p) { return is_sensor(out[p->effect].effect->family); });
     for (std::size_t begin = 0; begin < open.size(); begin += batch) {
       const std::size_t end = std::min(open.size(), begin + batch);
       std::vector<Hypothesis> hypotheses;
