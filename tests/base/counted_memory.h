@@ -43,6 +43,12 @@ void* operator new(std::size_t bytes) {
 void* operator new(std::size_t bytes, std::align_val_t alignment) {
   return ferrobench::counted::take(bytes, static_cast<std::size_t>(alignment));
 }
+// A sanitizer has a nothrow form of its own, which free() below must not be given.
+void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept try {
+  return ferrobench::counted::take(bytes);
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
 // Taken into a caller, free() looks to gcc as if it were given what another new has made.
 [[gnu::noinline]] void operator delete(void* memory) noexcept {
   std::free(memory);
