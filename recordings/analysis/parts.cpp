@@ -53,6 +53,7 @@ Parts parts_of(const Recording& recording, const std::vector<Cycle>& cycles, std
   Parts out{.parts = {}, .cycles = cycles.size()};
   if (recording.size() == 0) return out;
   std::vector<Part> all;
+  all.reserve(cycles.size());
   for (const auto& cycle : cycles)
     all.push_back({cycle.first, cycle.last, all.size(), cycle.rate,
                    1 / (recording.time[cycle.last] - recording.time[cycle.first])});

@@ -376,6 +376,35 @@ TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
   EXPECT_GE(domains_wanted(spread), 2 * domains_wanted(real_bench()));
 }
 
+// Where no correction is made, what is fitted must not be the grain of the coarse simulation's own sum.
+TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
+  std::vector<std::string> warnings;
+  const auto bench = inference::prepare_bench(given(),
+                                              {{plans()[0].name, record(real_bench(), plans()[0], 1)},
+                                               {plans()[4].name, record(real_bench(), plans()[4], 2)}},
+                                              2000, warnings);
+  const auto noises = inference::estimate_noise(bench, warnings);
+  const auto hypothesis = inference::base_hypothesis(given(), bench);
+  const auto given_place = inference::prior_mean(hypothesis);
+  auto moved = given_place;
+  for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i)
+    if (hypothesis.parameters[i].path == "polycrystal.barrier_log_std")
+      moved[static_cast<Eigen::Index>(i)] += 8;  // prior standard deviations, wider by 2.6
+  const SimulationOptions begin{.tolerance = 1e-5, .domains = 1000, .shift = 7},
+      exact{.tolerance = 1e-5, .domains = 60000, .shift = 5};
+  const inference::WhitenedRecordings reference(bench, noises, {0, 1}, exact, 2);
+  const auto chosen_at = [&](const Eigen::VectorXd& z, double allowed) {
+    inference::WhitenedRecordings coarse(bench, noises, {0, 1}, begin, 2),
+        fine(bench, noises, {0, 1}, begin, 2);
+    inference::choose_fidelities(coarse, fine, hypothesis, z, 16000, allowed);
+    EXPECT_LT(inference::difference_of_fidelities(coarse, fine, hypothesis, z), allowed);
+    EXPECT_LT(inference::difference_of_fidelities(coarse, reference, hypothesis, z), 1.2 * allowed);
+    return coarse.simulation().domains;
+  };
+  using inference::coarse_error_alone, inference::coarse_error_if_corrected;
+  EXPECT_GT(chosen_at(moved, coarse_error_alone), chosen_at(given_place, coarse_error_if_corrected));
+}
+
 TEST(Discrepancy, AMeasuredDriveIsUncertain) {
   auto recordings = measure(real_bench());
   for (auto& [name, r] : recordings) {

@@ -9,9 +9,6 @@ namespace {
 
 // A verdict does not notice a change of the sum of squares of this size, where 60 count as a detection.
 constexpr double unnoticed = 12;
-// The coarse simulation may differ from the fine one by this share of the noise, since the correction takes
-// most of the difference out.
-constexpr double coarse_error = 0.8;
 // Corrections are made anew so many times at most.
 constexpr int most_rounds = 4;
 // Damping that lets directions that only priors hold go all the way.
@@ -21,22 +18,28 @@ constexpr double last_gain = 5, last_share = 1e-3;
 
 }  // namespace
 
-double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
-                         int most_domains) {
-  const auto z = prior_mean(base);
-  const auto [exact, error] = converge_fine_fidelity(fine, base, z, most_domains);
+double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,
+                                const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
+  return (coarse.evaluate(hypothesis, z) - fine.evaluate(hypothesis, z)).norm() /
+         std::sqrt(std::max(1.0, fine.samples()));
+}
+
+double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
+                         const Eigen::VectorXd& z, int most_domains, double coarse_error) {
+  const auto [exact, error] = converge_fine_fidelity(fine, hypothesis, z, most_domains);
   // Of the nodes that are to serve every spread, the base has a third.
   const bool every_spread = fine.simulation().every_spread;
   struct Choice {
     int count = 0;
     double tolerance = 0;
   };
-  constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4}, Choice{1000, 1e-5},
-                               Choice{2000, 1e-4}, Choice{2000, 1e-5}, Choice{4000, 1e-5}};
+  constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4},
+                               Choice{1000, 1e-5}, Choice{2000, 1e-4}, Choice{2000, 1e-5},
+                               Choice{4000, 1e-4}, Choice{4000, 1e-5}};
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
-    if ((coarse.evaluate(base, z) - exact).norm() < coarse_error * std::sqrt(coarse.samples())) break;
+    if ((coarse.evaluate(hypothesis, z) - exact).norm() < coarse_error * std::sqrt(coarse.samples())) break;
   }
   return error;
 }

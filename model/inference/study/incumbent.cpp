@@ -1,0 +1,179 @@
+#include "model/inference/study/incumbent.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "model/inference/selection/verdict.h"
+#include "model/inference/solver/multifidelity.h"
+#include "model/inference/study/empirical_term.h"
+#include "model/inference/study/model_error.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+// A refit may cost either side this share of its excess, as much as a term has to take away at least. Without
+// that bound the refit after a table took the charge of a locked loop of the ceramic from 1.2 to 3.9 % of its
+// range.
+constexpr double most_lost = 0.02;
+
+}  // namespace
+
+Incumbent::Incumbent(const ImprovementTask& task, const Fit& base, Tick tick)
+    : task_(task), tick_(std::move(tick)), noise_(*task.noise), at_{base.hypothesis, base.z}, fit_(base) {
+  at_.hypothesis.reach = 1;
+}
+
+SolverOptions Incumbent::solver(int iterations, const std::string& stage) const {
+  return {.iterations = iterations, .enough = 0.1, .tick = [this, stage] { tick_(stage); }};
+}
+
+double Incumbent::log_likelihood_ratio(const Fit& with) const {
+  return log_likelihood_ratio_beside_error(residuals(), noise_, fit_, with);
+}
+
+double Incumbent::log_likelihood_ratio(const Comparison& with) const {
+  return log_likelihood_ratio_beside_error(noise_, learned_, with.learned, task_.train);
+}
+
+// Measured less simulated over the noise.
+Signals Incumbent::miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const {
+  const WhitenedRecordings fine(*task_.bench, *task_.noise, recordings, simulation_, task_.threads);
+  if (!by_noise()) return predict(fine, at.hypothesis, at.z).standardized;
+  const WhitenedRecordings coarse(*task_.bench, *task_.noise, recordings, residuals().simulation(),
+                                  task_.threads);
+  return predict(fine, coarse, at.hypothesis, at.z).standardized;
+}
+
+Comparison Incumbent::weigh(const HypothesisPoint& next) const {
+  const auto share_by_noise = [](const Signals& before, const Signals& after) {
+    return 1 - excess_squares(after) / excess_squares(before);
+  };
+  const auto share_of = [&](const Signals& before, const Signals& after, const auto& recordings) {
+    if (by_noise()) return share_by_noise(before, after);
+    return 1 -
+           excess_beside_error(noise_, after, recordings) / excess_beside_error(noise_, before, recordings);
+  };
+  Comparison out{.learned = miss(next, task_.train), .locked = miss(next, task_.held_out)};
+  out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
+  // What does not show in the locked recordings cannot be proved there; it must not come to show there
+  // either.
+  const auto& how = task_.selection;
+  if (!task_.held_out.empty() && (shows(locked_, how) || shows(out.locked, how)))
+    // By noise as well: so the proof will count.
+    out.share_held_out =
+        std::min(share_of(locked_, out.locked, task_.held_out), share_by_noise(locked_, out.locked));
+  return out;
+}
+
+void Incumbent::settle(int rounds) {
+  if (by_noise()) rounds = 1;  // there is no error to agree with
+  for (int i = 0; i < rounds; ++i) {
+    tick_("how wrong the model is");
+    stand(at_, miss(at_, task_.train), miss(at_, task_.held_out));
+    move(refitted());
+  }
+}
+
+void Incumbent::settle_at(HypothesisPoint next) {
+  at_ = std::move(next);
+  settle();
+}
+
+void Incumbent::settle_with_trusted_instruments() {
+  trust_instruments(at_.hypothesis, at_.z);
+  settle();
+}
+
+// The model's error by what it misses there, and the fit there, beside that error or by noise.
+void Incumbent::stand(HypothesisPoint at, Signals learned, Signals locked) {
+  at_ = std::move(at);
+  learned_ = std::move(learned);
+  locked_ = std::move(locked);
+  // All together: what is usual of a channel cannot be said by the few that are locked.
+  auto recordings = task_.train;
+  auto missed = learned_;
+  recordings.insert(recordings.end(), task_.held_out.begin(), task_.held_out.end());
+  missed.insert(missed.end(), locked_.begin(), locked_.end());
+  estimate_model_errors(*task_.bench, missed, recordings, noise_);
+  material_ = is_error_material(*task_.bench, noise_, task_.train, task_.floor);
+  if (!by_noise()) weigh_rows();
+  fit_ = minimize(residuals(), at_.hypothesis, at_.z, {.iterations = 0, .tick = {}},
+                  by_noise() ? &fit_ : nullptr);
+}
+
+Fit Incumbent::refitted() const {
+  auto out = minimize(residuals(), at_.hypothesis, at_.z,
+                      solver(12, by_noise() ? "refitting" : "fitting beside the model's error"), &fit_);
+  if (!out.fresh) refresh_jacobian(residuals(), out);
+  return out;
+}
+
+void Incumbent::move(Fit to) {
+  fit_ = std::move(to);
+  at_.z = fit_.z;
+}
+
+// The residuals beside the model's error, by a simulation that is fine enough where the model stands now.
+void Incumbent::weigh_rows() {
+  const bool first = residuals_ == nullptr;
+  residuals_ =
+      std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
+  WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
+  if (!first && difference_of_fidelities(*residuals_, fine, at_.hypothesis, at_.z) < coarse_error_alone)
+    return;
+  choose_fidelities(*residuals_, fine, at_.hypothesis, at_.z, simulation_.domains, coarse_error_alone);
+  coarse_ = residuals_->simulation();
+}
+
+void Incumbent::accept(HypothesisPoint next, Comparison trial) {
+  stand(std::move(next), std::move(trial.learned), std::move(trial.locked));
+  auto fit = refitted();
+  auto after = weigh({at_.hypothesis, fit.z});
+  if (after.least() < -most_lost) return;
+  move(std::move(fit));
+  learned_ = std::move(after.learned);
+  locked_ = std::move(after.locked);
+}
+
+void Incumbent::refit_under_other_pasts() {
+  const auto stood = pasts();
+  if (!choose_pasts(at_)) return;
+  HypothesisPoint next = at_;
+  next.z = minimize(residuals(), at_.hypothesis, at_.z, solver(12, "fitting beside the model's error")).z;
+  auto trial = weigh(next);
+  if (trial.least() < -most_lost)
+    task_.set_pasts(stood);
+  else
+    stand(std::move(next), std::move(trial.learned), std::move(trial.locked));
+}
+
+std::vector<protocols::Past> Incumbent::pasts() const {
+  std::vector<protocols::Past> out;
+  for (const auto& r : *task_.bench) out.push_back(r.header.past);
+  return out;
+}
+
+// A model that is wrong by much misses its channels alike, over their ranges, and so the misses are counted.
+// An error of each channel's own would let a past be taken that meets one channel far better than the model
+// can, at the other's cost. By noise alone a past is changed only where that is likelier.
+bool Incumbent::choose_pasts(const HypothesisPoint& at) const {
+  if (!task_.choose_pasts) return false;
+  tick_("choosing the specimen's past");
+  const auto stood = pasts();
+  auto chosen = task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
+  if (by_noise()) {
+    std::vector<std::size_t> all(stood.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    const auto before = miss(at, all);
+    task_.set_pasts(chosen);
+    const auto after = miss(at, all);
+    for (const std::size_t r : all)
+      if (!(log_likelihood_ratio_beside_error(noise_, {before[r]}, {after[r]}, {r}) > 0))
+        chosen[r] = stood[r];
+  }
+  task_.set_pasts(chosen);
+  return chosen != stood;
+}
+
+}  // namespace ferrobench::model::inference

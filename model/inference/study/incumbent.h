@@ -1,0 +1,81 @@
+// The model that stands while a gap is narrowed (improvement.h): its fit, its own error beside the noise, and
+// what it misses of the recordings that were learned from and of those that were locked. What is tried is
+// weighed against it and, if it is better, takes its place.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "model/inference/study/improvement.h"
+
+namespace ferrobench::model::inference {
+
+struct HypothesisPoint {
+  Hypothesis hypothesis;
+  Eigen::VectorXd z;
+};
+
+// What a trial misses, and the share of the incumbent's excess that it takes away: on recordings that were
+// learned from and on those that were locked.
+struct Comparison {
+  Signals learned, locked;
+  double share = 0, share_held_out = 0;
+  double least() const { return std::min(share, share_held_out); }
+};
+
+class Incumbent {
+ public:
+  using Tick = std::function<void(const std::string& stage)>;
+  Incumbent(const ImprovementTask& task, const Fit& base, Tick tick);
+
+  const HypothesisPoint& at() const { return at_; }
+  const Fit& fit() const { return fit_; }
+  // Noise and model error of each channel of each recording.
+  const std::vector<std::vector<NoiseModel>>& noise() const { return noise_; }
+  // Whether its error is worth working on in any recording that is learned from.
+  bool is_material() const { return material_; }
+  // Whether noise alone is the measure.
+  bool by_noise() const { return task_.by_noise != nullptr; }
+  // Weighed by noise and error, by the simulation that fits are made by.
+  const WhitenedRecordings& residuals() const { return by_noise() ? *task_.by_noise : *residuals_; }
+  SolverOptions solver(int iterations, const std::string& stage) const;
+
+  // 2 ln of the likelihood ratio over the incumbent.
+  double log_likelihood_ratio(const Fit& with) const;
+  double log_likelihood_ratio(const Comparison& with) const;
+  Comparison weigh(const HypothesisPoint& next) const;
+
+  // Makes error and fit agree with each other; both move little after two rounds.
+  void settle(int rounds = 2);
+  void settle_at(HypothesisPoint next);
+  void settle_with_trusted_instruments();
+  // Takes the place of what stood, and refits all; that fit is not kept where either side is met worse by it.
+  void accept(HypothesisPoint next, Comparison trial);
+  // Likewise under the pasts that are likeliest where it stands.
+  void refit_under_other_pasts();
+
+  std::vector<protocols::Past> pasts() const;
+  // Gives each recording the past that is likeliest for the model there; whether any has another one.
+  bool choose_pasts(const HypothesisPoint& at) const;
+
+ private:
+  Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
+  void stand(HypothesisPoint at, Signals learned, Signals locked);
+  Fit refitted() const;
+  void move(Fit to);
+  void weigh_rows();
+
+  const ImprovementTask& task_;
+  Tick tick_;
+  std::vector<std::vector<NoiseModel>> noise_;
+  SimulationOptions simulation_ = task_.simulation, coarse_ = task_.simulation;
+  std::unique_ptr<WhitenedRecordings> residuals_;
+  HypothesisPoint at_;
+  Fit fit_;
+  Signals learned_, locked_;
+  bool material_ = false;
+};
+
+}  // namespace ferrobench::model::inference
