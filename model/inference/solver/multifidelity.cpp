@@ -16,12 +16,17 @@ constexpr double hardly_damped = 1e-7;
 // A round that gains less than this, or than this share of the sum of squares, was the last one.
 constexpr double last_gain = 5, last_share = 1e-3;
 
+// Root mean square of weighed residuals, by the rows that are independent of each other.
+double root_mean_square(double squares, const WhitenedResiduals& residuals) {
+  return std::sqrt(squares / std::max(1.0, residuals.samples()));
+}
+
 }  // namespace
 
 double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,
                                 const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
-  return (coarse.evaluate(hypothesis, z) - fine.evaluate(hypothesis, z)).norm() /
-         std::sqrt(std::max(1.0, fine.samples()));
+  return root_mean_square((coarse.evaluate(hypothesis, z) - fine.evaluate(hypothesis, z)).squaredNorm(),
+                          fine);
 }
 
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
@@ -39,7 +44,7 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
-    if ((coarse.evaluate(hypothesis, z) - exact).norm() < coarse_error * std::sqrt(coarse.samples())) break;
+    if (root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), fine) < coarse_error) break;
   }
   return error;
 }
@@ -57,7 +62,7 @@ ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothes
     const double squares = (fine.evaluate(hypothesis, z) - residual).squaredNorm() / 2;
     fine.simulate_by(simulation);
     if (squares < unnoticed || 2 * simulation.domains > most_domains)
-      return {std::move(residual), std::sqrt(squares / std::max(1.0, fine.samples()))};
+      return {std::move(residual), root_mean_square(squares, fine)};
   }
 }
 

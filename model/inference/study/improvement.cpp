@@ -2,15 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
-#include <numeric>
-#include <tuple>
+#include <limits>
 #include <utility>
 
-#include "model/inference/parameters/parameters.h"
 #include "model/inference/selection/screening.h"
-#include "model/inference/selection/verdict.h"
-#include "model/inference/solver/covariance.h"
 #include "model/inference/study/empirical_term.h"
 #include "model/inference/study/incumbent.h"
 #include "model/inference/study/workflow.h"

@@ -98,8 +98,10 @@ void Incumbent::stand(HypothesisPoint at, Signals learned, Signals locked) {
   estimate_model_errors(*task_.bench, missed, recordings, noise_);
   material_ = is_error_material(*task_.bench, noise_, task_.train, task_.floor);
   if (!by_noise()) weigh_rows();
+  fit_.fresh = false;  // its slopes are those of another hypothesis, or under other pasts
   fit_ = minimize(residuals(), at_.hypothesis, at_.z, {.iterations = 0, .tick = {}},
                   by_noise() ? &fit_ : nullptr);
+  if (!fit_.fresh) refresh_jacobian(residuals(), fit_);
 }
 
 Fit Incumbent::refitted() const {
@@ -126,26 +128,30 @@ void Incumbent::weigh_rows() {
   coarse_ = residuals_->simulation();
 }
 
-void Incumbent::accept(HypothesisPoint next, Comparison trial) {
-  stand(std::move(next), std::move(trial.learned), std::move(trial.locked));
+// Whether it is kept.
+bool Incumbent::refit() {
   auto fit = refitted();
   auto after = weigh({at_.hypothesis, fit.z});
-  if (after.least() < -most_lost) return;
+  if (after.least() < -most_lost) return false;
   move(std::move(fit));
   learned_ = std::move(after.learned);
   locked_ = std::move(after.locked);
+  return true;
+}
+
+void Incumbent::accept(HypothesisPoint next, Comparison trial) {
+  stand(std::move(next), std::move(trial.learned), std::move(trial.locked));
+  refit();
 }
 
 void Incumbent::refit_under_other_pasts() {
   const auto stood = pasts();
   if (!choose_pasts(at_)) return;
-  HypothesisPoint next = at_;
-  next.z = minimize(residuals(), at_.hypothesis, at_.z, solver(12, "fitting beside the model's error")).z;
-  auto trial = weigh(next);
-  if (trial.least() < -most_lost)
-    task_.set_pasts(stood);
+  fit_.fresh = false;
+  if (refit())
+    stand(at_, learned_, locked_);
   else
-    stand(std::move(next), std::move(trial.learned), std::move(trial.locked));
+    task_.set_pasts(stood);
 }
 
 std::vector<protocols::Past> Incumbent::pasts() const {

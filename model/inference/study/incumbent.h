@@ -3,6 +3,7 @@
 // weighed against it and, if it is better, takes its place.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <string>
@@ -64,6 +65,7 @@ class Incumbent {
   Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
   void stand(HypothesisPoint at, Signals learned, Signals locked);
   Fit refitted() const;
+  bool refit();
   void move(Fit to);
   void weigh_rows();
 
