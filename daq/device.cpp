@@ -1,5 +1,7 @@
 #include "daq/device.h"
 
+#include <algorithm>
+
 namespace ferrobench::daq {
 
 std::string_view block_status_name(BlockStatus status) {
@@ -23,6 +25,22 @@ void SampleBlock::drop_rows() {
   counts.clear();
   time.clear();
   for (auto& signal : signals) signal.clear();
+}
+
+void SampleBlock::select(std::span<const std::uint8_t> which) {
+  const auto leave = [&](auto& values) {
+    const auto width = rows == 0 ? 0 : values.size() / rows;
+    auto to = values.begin();
+    for (std::size_t row = 0; row < rows; ++row)
+      if (which[row] != 0)
+        to = std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(row * width), width, to);
+    values.erase(to, values.end());
+  };
+  leave(counts);
+  leave(time);
+  leave(command);
+  for (auto& signal : signals) leave(signal);
+  rows = static_cast<std::size_t>(std::ranges::count_if(which, [](auto wanted) { return wanted != 0; }));
 }
 
 void SampleBlock::clear() {

@@ -39,7 +39,8 @@ enum class BlockStatus {
 std::string_view block_status_name(BlockStatus status);
 
 // `rows` rows by `columns` counts, row after row; the columns are those of Device::columns(). A first_sample
-// past the end of the block before is a gap: those rows were lost.
+// past the end of the block before is a gap: those rows were lost. A block that comes from the guard has the
+// rows that are recorded, and these have numbers of their own.
 struct SampleBlock {
   std::uint64_t first_sample = 0;
   std::size_t rows = 0;
@@ -54,9 +55,11 @@ struct SampleBlock {
   std::vector<double> command;            // filled by the guard: the field asked for in each row [V/m]
   std::vector<recordings::Event> events;  // what the record should say; the guard adds to it
 
-  // Both keep the storage.
+  // All keep the storage.
   void clear();
   void drop_rows();
+  // Leaves the rows for which `which` is not 0.
+  void select(std::span<const std::uint8_t> which);
 };
 
 // The output goes linearly to `level` [V/m], where it is `samples` rows later.

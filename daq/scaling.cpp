@@ -52,6 +52,16 @@ recordings::Rows Scaling::rows(const SampleBlock& block) {
 
 recordings::Rows Scaling::gap(std::uint64_t first, std::size_t rows) {
   number(first, rows);
+  return nothing_measured();
+}
+
+recordings::Rows Scaling::gap(std::span<const double> time) {
+  time_.assign(time.begin(), time.end());
+  return nothing_measured();
+}
+
+recordings::Rows Scaling::nothing_measured() {
+  const auto rows = time_.size();
   counts_.assign(rows * columns_.size(), std::numeric_limits<std::int16_t>::min());
   recordings::Rows out{.time = time_, .channels = {}, .counts = counts_};
   for (const auto channel : channels_) {

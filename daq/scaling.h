@@ -25,11 +25,14 @@ class Scaling {
 
   // The block's rows in SI. Valid until the next call and as long as the block.
   recordings::Rows rows(const SampleBlock& block);
-  // Rows that were lost on the way: NaN, and the lowest count.
+  // Rows that were lost on the way: NaN, and the lowest count. Their times are their numbers by the rate, or
+  // those given.
   recordings::Rows gap(std::uint64_t first, std::size_t rows);
+  recordings::Rows gap(std::span<const double> time);
 
  private:
   void number(std::uint64_t first, std::size_t rows);
+  recordings::Rows nothing_measured();  // at the times of time_
 
   std::vector<recordings::RawColumn> columns_;
   std::vector<recordings::Channel> channels_;

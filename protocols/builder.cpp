@@ -68,6 +68,8 @@ void Builder::add(Piece piece, double rate, std::string_view label) {
                        .level = piece.to,
                        .rate = unit_.field(rate),
                        .path = path_});
+  piece.recorded = recorded_;
+  if (piece.kind != PieceKind::hold) piece.recorded.per_decade = 0;
   pieces_.push_back(piece);
 }
 

@@ -16,6 +16,9 @@ class Builder {
   // What is added from now on belongs to the segment at this JSON pointer; its labels begin with `prefix`.
   // Throws Error(bad_protocol), as the moves below do, when the program gets too long.
   void enter(const std::string& path, std::string prefix);
+  // What is added from now on is recorded so; rows per decade are for holds.
+  void record(const Recorded& recorded) { recorded_ = recorded; }
+  const Recorded& recorded() const { return recorded_; }
 
   double level() const { return level_; }
   bool moves_to(double to) const;          // false where `to` is the present level, within same_level
@@ -47,6 +50,7 @@ class Builder {
   std::size_t steps_ = 0;
   int ramps_ = 0, holds_ = 0, reversals_ = 0, biases_ = 0;
   std::string path_, prefix_;
+  Recorded recorded_;
   std::vector<Piece> pieces_;
   std::vector<Segment> segments_;
 };

@@ -34,9 +34,11 @@ void play(const Hold& s, const Node& node, const std::string& prefix, Builder& b
 }
 
 void play(const Repeat& s, const Node& node, const std::string& prefix, Builder& b) {
+  const auto recorded = b.recorded();
   for (std::int64_t i = 1; i <= s.count; ++i) {
     b.enter(node.path, prefix);
-    expand(s.nodes, node.label.empty() ? prefix : prefix + node.label + " " + std::to_string(i) + ": ", b);
+    expand(s.nodes, node.label.empty() ? prefix : prefix + node.label + " " + std::to_string(i) + ": ",
+           recorded, b);
   }
 }
 
@@ -140,9 +142,14 @@ void play(const Points& s, const Node& node, const std::string& prefix, Builder&
 
 }  // namespace
 
-void expand(const std::vector<Node>& nodes, const std::string& prefix, Builder& builder) {
-  for (const auto& node : nodes)
+void expand(const std::vector<Node>& nodes, const std::string& prefix, const Recorded& recorded,
+            Builder& builder) {
+  for (const auto& node : nodes) {
+    const auto& own = node.recorded;
+    builder.record({.rate = own.rate > 0 ? own.rate : recorded.rate,
+                    .per_decade = own.per_decade > 0 ? own.per_decade : recorded.per_decade});
     std::visit([&](const auto& segment) { play(segment, node, prefix, builder); }, node.body);
+  }
 }
 
 }  // namespace ferrobench::protocols

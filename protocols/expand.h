@@ -9,8 +9,9 @@
 
 namespace ferrobench::protocols {
 
-// Labels begin with `prefix`. Throws Error(bad_protocol) when the program gets too long, too steep or too
-// late.
-void expand(const std::vector<Node>& nodes, const std::string& prefix, Builder& builder);
+// Labels begin with `prefix`; `recorded` is for segments that do not say themselves how they are recorded.
+// Throws Error(bad_protocol) when the program gets too long, too steep or too late.
+void expand(const std::vector<Node>& nodes, const std::string& prefix, const Recorded& recorded,
+            Builder& builder);
 
 }  // namespace ferrobench::protocols

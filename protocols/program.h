@@ -53,7 +53,11 @@ void describe(Visitor& visit, Header& h) {
   visit("layer_thickness_m", h.layer_thickness,
         {.unit = "m", .min = 0, .max = 1, .exclusive_min = true, .doc = "turns V into a field"});
   visit("sample_rate_Hz", h.sample_rate,
-        {.unit = "Hz", .min = 0, .max = 1e7, .exclusive_min = true, .doc = "what suits the experiment"});
+        {.unit = "Hz",
+         .min = 0,
+         .max = 1e7,
+         .exclusive_min = true,
+         .doc = "of segments that have none themselves"});
   visit("load", h.load, {.doc = "what the specimen works against"});
   visit("past", h.past, {.doc = "what the specimen has been through before"});
   visit("unattended", h.unattended,

@@ -26,7 +26,7 @@ Program valid_program(const nlohmann::json& given) {
 
 Waveform play(const Program& program, LevelUnit unit) {
   Builder builder(program.header.start, std::move(unit));
-  expand(program.segments, "", builder);
+  expand(program.segments, "", {}, builder);
   auto waveform = builder.finish();
   if (waveform.pieces().empty())
     throw Error(ErrorCode::bad_protocol, "the program cannot be played",
@@ -37,6 +37,27 @@ Waveform play(const Program& program, LevelUnit unit) {
 // To see whether it can be played: levels stay as written.
 LevelUnit as_written(const Program& program) {
   return {.name = write_json(program.header.unit)};
+}
+
+// `rate` in Hz, of the program; 0: it will be one that is enough.
+void demand_resolved(const Waveform& waveform, double rate) {
+  std::vector<Problem> problems;
+  for (std::size_t i = 0; i < waveform.pieces().size() && problems.size() < max_problems; ++i) {
+    const auto& piece = waveform.pieces()[i];
+    const bool own = piece.recorded.rate > 0;
+    const double given = own ? piece.recorded.rate : rate;
+    if (given == 0 || given >= piece.sampling * (1 - 1e-9)) continue;
+    const auto path = (own ? waveform.place(i) : "") + "/sample_rate_Hz";
+    if (!problems.empty() && problems.back().path == path) continue;
+    problems.push_back({.path = path,
+                        .message = "does not resolve the sine of its small-signal segments",
+                        .given = given,
+                        .allowed = {{"from", piece.sampling}},
+                        .unit = "Hz",
+                        .hint = "sample faster, lower the frequency, or leave it out"});
+  }
+  if (!problems.empty())
+    throw Error(ErrorCode::bad_protocol, "the protocol is sampled too slowly", std::move(problems));
 }
 
 // 1, 2, 5, 10, 20, ...: the first at or above x.
@@ -51,15 +72,7 @@ double round_up(double x) {
 
 Protocol Protocol::from_json(const nlohmann::json& given) {
   const auto program = valid_program(given);
-  const double fewest = play(program, as_written(program)).sampling();
-  if (const auto rate = program.header.sample_rate; rate && *rate < fewest * (1 - 1e-9))
-    throw Error(ErrorCode::bad_protocol, "the protocol is sampled too slowly",
-                Problem{.path = "/sample_rate_Hz",
-                        .message = "does not resolve the sine of its small-signal segments",
-                        .given = *rate,
-                        .allowed = {{"from", fewest}},
-                        .unit = "Hz",
-                        .hint = "sample faster, lower the frequency, or leave it out"});
+  demand_resolved(play(program, as_written(program)), program.header.sample_rate.value_or(0));
   Protocol protocol;
   protocol.json_ = given;
   return protocol;
@@ -103,8 +116,14 @@ std::optional<double> Protocol::sample_rate() const {
   const auto waveform = play(program, as_written(program));
   const double sweep = waveform.maximum() - waveform.minimum();
   if (sweep == 0) return std::nullopt;
-  return round_up(
-      std::max(std::clamp(samples_per_sweep * waveform.max_slew() / sweep, 1.0, 1e5), waveform.sampling()));
+  // Of the segments that do not say it themselves; and slow ones may do so of all.
+  double slew = 0, fewest = 0;
+  for (const auto& piece : waveform.pieces()) {
+    if (piece.recorded.rate > 0) continue;
+    slew = std::max(slew, piece.max_slew());
+    fewest = std::max(fewest, piece.sampling);
+  }
+  return round_up(std::max(std::clamp(samples_per_sweep * slew / sweep, 1.0, 1e5), fewest));
 }
 
 std::optional<Past> Protocol::past() const {

@@ -4,7 +4,7 @@
 //     "notes": "...",
 //       "unit": "kV/mm" | "V",                 of every level and rate below; V needs a layer thickness to
 //       expand "layer_thickness_m": 1e-4,             optional: the specimen that the program was written for
-//       "sample_rate_Hz": 50,                  optional: what suits the experiment
+//       "sample_rate_Hz": 50,                  optional: of segments that have none themselves
 //       "load": {"spring_stiffness_N_per_m": 2.7e6, "prestress_Pa": 4e6},            optional
 //       "past": {"kind": "poled_minus"},       optional: what the specimen has been through (past.h)
 //       "unattended": true,                    optional: goes on without a server, if that dies
@@ -53,8 +53,8 @@ class Protocol {
   const nlohmann::json& json() const { return json_; }
   std::string name() const;
   std::string title() const;
-  // Hz. If the file names none: 500 samples or more on a sweep over the whole range at the largest slew, and
-  // as many as small signals need.
+  // Hz, of the segments that name none. If the file names none either: 500 samples or more on a sweep over
+  // the whole range at their largest slew, and as many as small signals need.
   std::optional<double> sample_rate() const;
   std::optional<double> layer_thickness() const;  // m
   ProtocolLoad load() const;

@@ -144,7 +144,11 @@ bool read_as(std::string_view kind, Node& node, const Place& place) {
   check_label(entry.label, place);
   check_keys(entry.body, place);
   if (place.problems.size() == before) check_values(entry.body, place);
-  node = {place.path, std::move(entry.label), std::move(entry.body)};
+  node = {.path = place.path,
+          .label = std::move(entry.label),
+          .recorded = {.rate = entry.sample_rate.value_or(0),
+                       .per_decade = entry.readings_per_decade.value_or(0)},
+          .body = std::move(entry.body)};
   return true;
 }
 

@@ -11,12 +11,14 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "base/fields.h"
 #include "protocols/csv.h"
+#include "protocols/recorded_rows.h"
 
 namespace ferrobench::protocols {
 
@@ -209,14 +211,22 @@ using Body = std::variant<Ramp, Hold, Repeat, Reversals, Triangle, Sine, Pund, S
 struct Node {
   std::string path;   // JSON pointer into the protocol
   std::string label;  // "" for a made-up one
+  Recorded recorded;  // 0: as the repeat around it, or the program
   Body body;
 };
 
-// What stands in one JSON object: kind, label and the fields of the kind.
+// The kinds that only move.
+template <class T>
+inline constexpr bool has_holds =
+    !std::is_same_v<T, Ramp> && !std::is_same_v<T, Triangle> && !std::is_same_v<T, Sine>;
+
+// What stands in one JSON object: kind, label, how it is recorded, and the fields of the kind. The rate and
+// the readings of a repeat are for the segments in it that have none themselves.
 template <class T>
 struct Entry {
   std::string kind{T::kind};
   std::string label;
+  std::optional<double> sample_rate, readings_per_decade;
   T body;
 };
 template <class Visitor, class T>
@@ -224,6 +234,18 @@ void describe(Visitor& visit, Entry<T>& entry) {
   visit("kind", entry.kind, {.required = true});
   visit("label", entry.label, {.doc = "name in the segment table"});
   describe(visit, entry.body);
+  visit("sample_rate_Hz", entry.sample_rate,
+        {.unit = "Hz",
+         .min = 0,
+         .max = 1e7,
+         .exclusive_min = true,
+         .doc = "rows recorded a second; else as the program"});
+  if constexpr (has_holds<T>)
+    visit("readings_per_decade", entry.readings_per_decade,
+          {.min = 1,
+           .max = 1e4,
+           .doc = "in holds, rows recorded in each decade of time; first as the sample rate, at last every "
+                  "10 s"});
 }
 
 inline constexpr double same_level = 1e-9;  // in the unit of the file: levels closer than this are one

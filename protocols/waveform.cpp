@@ -138,8 +138,14 @@ double Waveform::sampling() const {
   return most;
 }
 
-SampledWaveform::SampledWaveform(Waveform waveform, double rate)
-    : waveform_(std::move(waveform)), rate_(rate) {
+double Waveform::fastest_recorded() const {
+  double most = 0;
+  for (const auto& piece : pieces_) most = std::max(most, piece.recorded.rate);
+  return most;
+}
+
+SampledWaveform::SampledWaveform(Waveform waveform, double rate, double recorded)
+    : waveform_(std::move(waveform)), rate_(rate), recorded_(recorded) {
   if (!(rate > 0) || !std::isfinite(rate)) throw std::invalid_argument("a sample rate must be above zero");
   // Beyond 2^53 neighbouring sample numbers are no longer distinct as doubles.
   if (waveform_.duration() * rate > 9e15) throw std::invalid_argument("a program has at most 9e15 samples");
@@ -158,6 +164,23 @@ SampledWaveform::SampledWaveform(Waveform waveform, double rate)
 
 std::uint64_t SampledWaveform::size() const {
   return corners_.empty() ? 0 : corners_.back() + 1;
+}
+
+RecordedRows SampledWaveform::recorded_rows(std::size_t piece) const {
+  auto asked = waveform_.pieces()[piece].recorded;
+  if (asked.rate == 0) asked.rate = recorded_;
+  return {asked, rate_};
+}
+
+double SampledWaveform::recorded_rate(std::size_t piece) const {
+  return rate_ / static_cast<double>(recorded_rows(piece).stride());
+}
+
+std::uint64_t SampledWaveform::recorded_size() const {
+  std::uint64_t rows = size() > 0 ? 1 : 0;
+  for (std::size_t i = 0; i + 1 < corners_.size(); ++i)
+    rows += recorded_rows(i).count(corners_[i + 1] - corners_[i]);
+  return rows;
 }
 
 double SampledWaveform::value(std::uint64_t sample) const {

@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "protocols/recorded_rows.h"
+
 namespace ferrobench::protocols {
 
 enum class PieceKind { ramp, hold, sine, samples };
@@ -26,7 +28,8 @@ struct Piece {
   double from = 0;      // V/m
   double to = 0;        // V/m
   double center = 0, amplitude = 0, frequency = 0, phase = 0;
-  double sampling = 0;                                  // S/s, the fewest that resolve it; 0: any do
+  double sampling = 0;  // S/s, the fewest that resolve it; 0: any do
+  Recorded recorded{};
   std::shared_ptr<const std::vector<double>> levels{};  // V/m, two or more
 
   double value(double time_from_start_of_program) const;
@@ -69,6 +72,8 @@ class Waveform {
   double minimum() const, maximum() const;  // V/m, exact
   double max_slew() const;                  // V/m/s; infinite if the level jumps between two pieces
   double sampling() const;                  // S/s, the fewest that resolve every piece; 0: any do
+  // rows/s, the largest that a piece asks for itself; 0: none does.
+  double fastest_recorded() const;
 
  private:
   std::vector<Piece> pieces_;
@@ -79,10 +84,14 @@ class Waveform {
 // The waveform on a grid of samples 1/rate apart. Every corner falls on a sample, with its exact level: a
 // corner's index is its time rounded to the grid, but at least one sample after the corner before. With fewer
 // samples than corners the program is stretched, and `distortion` says by how much.
+//
+// Not every sample needs to be recorded (recorded_rows.h): the corners always are, in between what the piece
+// asks for, or `recorded` rows/s where it asks for nothing.
 class SampledWaveform {
  public:
   SampledWaveform() = default;
-  SampledWaveform(Waveform waveform, double rate);  // rate in S/s, > 0
+  // rate in S/s, > 0; recorded in rows/s, 0: every sample.
+  SampledWaveform(Waveform waveform, double rate, double recorded = 0);
 
   double rate() const { return rate_; }
   std::uint64_t size() const;                                   // samples, the last corner included
@@ -90,6 +99,10 @@ class SampledWaveform {
   void fill(std::uint64_t first, std::span<double> out) const;  // past the end: the last level
   // Sample index of each corner: pieces().size() + 1 entries, strictly rising, from 0 to size() - 1.
   std::span<const std::uint64_t> corners() const { return corners_; }
+  // Which samples after the piece's first are recorded.
+  RecordedRows recorded_rows(std::size_t piece) const;
+  double recorded_rate(std::size_t piece) const;  // rows/s, what is recorded of it at first
+  std::uint64_t recorded_size() const;            // samples that are recorded
   const Waveform& waveform() const { return waveform_; }
   double distortion() const { return distortion_; }  // s, largest shift of a corner against the exact program
   // V/m/s, upper bound of what the samples do; above waveform().max_slew() where a corner came early.
@@ -98,6 +111,7 @@ class SampledWaveform {
  private:
   Waveform waveform_;
   double rate_ = 1;
+  double recorded_ = 0;
   std::vector<std::uint64_t> corners_;
   double distortion_ = 0;
   double max_slew_ = 0;

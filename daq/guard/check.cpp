@@ -58,7 +58,7 @@ class Checker {
       if (i > 0) jump(i, std::abs(pieces[i].from - pieces[i - 1].to));
       slew(i, pieces[i].max_slew() * pieces[i].duration / duration);
       reverse(i, reversed(pieces[i], duration));
-      sampling(i, pieces[i].sampling);
+      sampling(i, program_.recorded_rate(i), pieces[i].sampling);
     }
     return out_.take();
   }
@@ -100,12 +100,12 @@ class Checker {
                 .hint = "lower the rate or the frequency, or sample fast enough to resolve the segment"});
   }
 
-  void sampling(std::size_t i, double fewest) {
-    if (!(program_.rate() >= fewest * (1 - 1e-9)))
+  void sampling(std::size_t i, double rate, double fewest) {
+    if (!(rate >= fewest * (1 - 1e-9)))
       out_.add(i, fewest,
                {.path = "frequency",
                 .message = "the sine is sampled too slowly to be evaluated",
-                .given = program_.rate(),
+                .given = rate,
                 .allowed = {{"from", fewest}},
                 .unit = "Hz",
                 .hint = "raise sample_rate_Hz, or lower the frequency"});

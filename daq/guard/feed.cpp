@@ -37,6 +37,11 @@ Feed::Feed(protocols::SampledWaveform program, const Limits& limits)
       row.rate = table[index].rate;
     }
   }
+  for (std::size_t i = 0; i < program_segments_.size(); ++i) selects_ |= !program_.recorded_rows(i).all();
+  if (selects_) {
+    is_recorded_.reserve(commands_.capacity());
+    is_recorded_.push_back(1);
+  }
   constexpr std::size_t ways_back = 2;  // a stop, and a hastened one
   segments_.reserve(program_segments_.size() + ways_back);
 }
@@ -54,10 +59,11 @@ LinearPiece Feed::next(std::uint64_t max_samples) {
   if (max_samples == 0 || over()) return {};
   const double from = limiter_.level();
   const bool leaving = stopping();
+  const auto index = index_;
   LinearPiece piece = leaving ? stop_piece(max_samples) : program_piece(max_samples);
   piece.level = limiter_.pass(piece.level, piece.samples);
   const bool altered = limiter_.altered();
-  account(piece, from);
+  account(piece, from, index_ != index);
   if (!leaving && altered) stop(End::limit, "the program went past a limit and was held back");
   return piece;
 }
@@ -70,6 +76,7 @@ LinearPiece Feed::program_piece(std::uint64_t max_samples) {
   if (opened_ == index_) {
     ++opened_;
     open_segment(std::move(program_segments_[index_]));
+    rows_ = program_.recorded_rows(index_);
   }
   if (pause_wanted_ && piece.kind == PieceKind::hold) {
     if (!paused_) say("pause", "paused by request; the hold gets longer");
@@ -98,13 +105,26 @@ LinearPiece Feed::stop_piece(std::uint64_t max_samples) {
           .level = level - std::copysign(step * static_cast<double>(max_samples), level)};
 }
 
-void Feed::account(const LinearPiece& piece, double from) {
+// Whether the next row that is issued is recorded.
+bool Feed::decide(bool corner) {
+  const bool due = rows_.next();
+  last_is_recorded_ = due || corner;
+  recorded_issued_ += last_is_recorded_ ? 1 : 0;
+  return last_is_recorded_;
+}
+
+void Feed::account(const LinearPiece& piece, double from, bool corner) {
   const double share = (piece.level - from) / static_cast<double>(piece.samples);
   const std::size_t old = commands_.size();
   commands_.resize(old + piece.samples);
   for (std::uint64_t i = 1; i < piece.samples; ++i)
     commands_[old + i - 1] = from + share * static_cast<double>(i);
   commands_.back() = piece.level;
+  if (selects_)
+    for (std::uint64_t i = 1; i <= piece.samples; ++i)
+      is_recorded_.push_back(decide(corner && i == piece.samples) ? 1 : 0);
+  else
+    recorded_issued_ += piece.samples;
   issued_ += piece.samples;
 
   const double duration = static_cast<double>(piece.samples) / rate();
@@ -137,6 +157,12 @@ void Feed::stop(End end, const std::string& reason) {
   reason_ = reason;
   pause_wanted_ = paused_ = false;
   say(end == End::stopped ? "stop" : end_name(end), reason);
+  rows_ = {};  // of the way to zero every row
+  if (!last_is_recorded_ && !is_recorded_.empty()) {
+    is_recorded_.back() = 1;
+    last_is_recorded_ = true;
+    ++recorded_issued_;
+  }
   open_segment({.kind = "ramp", .label = "safe stop", .level = 0, .rate = stop_slew_});
 }
 
@@ -147,9 +173,10 @@ void Feed::hasten(double slew) {
   open_segment({.kind = "ramp", .label = "hastened stop", .level = 0, .rate = stop_slew_});
 }
 
-// A segment starts with the last row of the one before, where both have the same level.
+// A segment starts with the last row of the one before, where both have the same level; with its own first
+// row where that one was read already and is not recorded.
 void Feed::open_segment(recordings::SegmentRow row) {
-  row.start_sample = static_cast<std::int64_t>(issued_ - 1);
+  row.start_sample = static_cast<std::int64_t>(recorded_issued_ - (last_is_recorded_ ? 1 : 0));
   segments_.push_back(std::move(row));
 }
 
@@ -157,12 +184,25 @@ void Feed::say(std::string_view kind, std::string message) {
   events_.push_back({static_cast<double>(issued_ - 1) / rate(), std::string(kind), std::move(message)});
 }
 
-void Feed::take_commands(std::uint64_t first, std::size_t rows, std::vector<double>& out) {
-  const auto begin = commands_.begin() + static_cast<std::ptrdiff_t>(first - taken_);
-  const auto end = begin + static_cast<std::ptrdiff_t>(rows);
-  out.assign(begin, end);
-  commands_.erase(commands_.begin(), end);
-  taken_ = first + rows;
+void Feed::take_rows(SampleBlock& block) {
+  const auto first = block.first_sample;
+  const auto lost = static_cast<std::size_t>(first - taken_), end = lost + block.rows;
+  const auto at = [](auto& rows, std::size_t row) { return rows.begin() + static_cast<std::ptrdiff_t>(row); };
+  block.command.assign(at(commands_, lost), at(commands_, end));
+  commands_.erase(commands_.begin(), at(commands_, end));
+  taken_ = first + block.rows;
+  if (!selects_) {
+    recorded_taken_ = taken_;
+    return;
+  }
+  if (block.time.empty())
+    for (std::size_t i = 0; i < block.rows; ++i)
+      block.time.push_back(static_cast<double>(first + i) / rate());
+  recorded_taken_ += static_cast<std::uint64_t>(std::count(is_recorded_.begin(), at(is_recorded_, lost), 1));
+  block.first_sample = recorded_taken_;
+  block.select(std::span(is_recorded_).subspan(lost, block.rows));
+  recorded_taken_ += block.rows;
+  is_recorded_.erase(is_recorded_.begin(), at(is_recorded_, end));
 }
 
 void Feed::take_events(std::vector<recordings::Event>& out) {
@@ -172,7 +212,7 @@ void Feed::take_events(std::vector<recordings::Event>& out) {
 
 std::vector<recordings::SegmentRow> Feed::segments(std::uint64_t rows) const {
   std::vector<recordings::SegmentRow> out;
-  const auto total = static_cast<std::int64_t>(std::min(rows, issued_));
+  const auto total = static_cast<std::int64_t>(std::min(rows, recorded_issued_));
   for (std::size_t i = 0; i < segments_.size(); ++i) {
     auto row = segments_[i];
     row.end_sample = i + 1 < segments_.size() ? std::min(segments_[i + 1].start_sample, total) : total;

@@ -1,6 +1,7 @@
 // Turns a program into the pieces that go out, with pauses and the safe stop, and keeps account of them: the
-// command of each row, the events, the segment table as played. Single-threaded; the guard holds the lock.
-// While the program plays it asks for no memory, as long as its rows are taken within a second.
+// command of each row and whether it is recorded, the events, the segment table as played. Single-threaded;
+// the guard holds the lock. While the program plays it asks for no memory, as long as its rows are taken
+// within a second.
 #pragma once
 
 #include <string>
@@ -43,17 +44,21 @@ class Feed final : public LevelSource {
   std::uint64_t issued() const { return issued_; }  // rows, row 0 included
   std::uint64_t expected() const;                   // rows by the end, if nothing more happens
 
-  // Commands of the next rows from `first` on (rows before it were lost). Each row can be taken once.
-  void take_commands(std::uint64_t first, std::size_t rows, std::vector<double>& out);
+  // Fills in the commands of the block's rows and leaves those that are recorded, numbered as such; their
+  // times stand in the block if not every row of the program is recorded. Rows before the block's first were
+  // lost. Each row can be taken once.
+  void take_rows(SampleBlock& block);
+  std::uint64_t recorded() const { return recorded_taken_; }  // rows taken or lost that are recorded
   // Events since the last call are moved to the end of `out`.
   void take_events(std::vector<recordings::Event>& out);
-  // As issued, cut off after `rows` rows.
+  // As issued, in recorded rows, cut off after `rows` of them.
   std::vector<recordings::SegmentRow> segments(std::uint64_t rows) const;
 
  private:
   LinearPiece program_piece(std::uint64_t max_samples);
   LinearPiece stop_piece(std::uint64_t max_samples);
-  void account(const LinearPiece& piece, double from);
+  void account(const LinearPiece& piece, double from, bool corner);
+  bool decide(bool corner);
   void open_segment(recordings::SegmentRow row);
   void say(std::string_view kind, std::string message);
 
@@ -73,8 +78,15 @@ class Feed final : public LevelSource {
   End end_ = End::none;
   std::string reason_;
 
-  std::vector<double> commands_;  // of rows issued and not yet taken, the first being row taken_
+  // Of rows issued and not yet taken, the first being row taken_; whether they are recorded only where not
+  // every row of the program is.
+  std::vector<double> commands_;
+  std::vector<std::uint8_t> is_recorded_;
   std::uint64_t taken_ = 0;
+  bool selects_ = false;          // not every row is recorded
+  bool last_is_recorded_ = true;  // of the rows issued
+  protocols::RecordedRows rows_;
+  std::uint64_t recorded_issued_ = 1, recorded_taken_ = 0;
   std::vector<recordings::Event> events_;
   std::vector<recordings::SegmentRow> segments_;  // as played
   std::vector<recordings::SegmentRow> program_segments_;

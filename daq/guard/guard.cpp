@@ -210,8 +210,8 @@ void Guard::account(SampleBlock& block) {
     if (block.first_sample > rows_read_)
       block.events.push_back({time_of(rows_read_, rate), "gap",
                               std::to_string(block.first_sample - rows_read_) + " rows were lost"});
-    feed_->take_commands(block.first_sample, block.rows, block.command);
     rows_read_ = block.first_sample + block.rows;
+    feed_->take_rows(block);
   }
   if (block.status != last_status_ && block.status != BlockStatus::ok)
     block.events.push_back({time, std::string(block_status_name(block.status)), block.message});
@@ -320,7 +320,7 @@ Outcome Guard::outcome() const {
 
 std::vector<recordings::SegmentRow> Guard::segments() const {
   const std::scoped_lock lock(mutex_);
-  return feed_ ? feed_->segments(rows_read_) : std::vector<recordings::SegmentRow>{};
+  return feed_ ? feed_->segments(feed_->recorded()) : std::vector<recordings::SegmentRow>{};
 }
 
 }  // namespace ferrobench::daq

@@ -4,7 +4,7 @@
 //     Guard guard(device, limits, interlock);
 //     guard.go_to(program.value(0), slew);
 //     guard.start(program);
-//     while (guard.read(block)) ...            // block.command and block.events are filled
+//     while (guard.read(block)) ...            // the rows that are recorded, with command and events
 //     guard.outcome(); guard.segments();
 //
 // A guard serves one run. go_to, start, read and release belong to one thread. pause, resume, stop, progress
@@ -35,7 +35,7 @@ struct Outcome {
 struct Progress {
   enum class State { idle, running, pausing, paused, stopping, ended };
   State state = State::idle;
-  std::uint64_t rows_read = 0;
+  std::uint64_t rows_read = 0;      // of the device, recorded or not
   std::uint64_t rows_expected = 0;  // grows while paused
   double rate = 0;                  // rows/s
 };

@@ -25,8 +25,9 @@ inline constexpr auto last_of<ErrorCode> = ErrorCode::internal;
   void fields(V& v, typename V::template Of<Type> m) { \
     v(__VA_ARGS__);                                    \
   }
+FERROBENCH_FIELDS(protocols::Recorded, m.rate, m.per_decade)
 FERROBENCH_FIELDS(protocols::Piece, m.kind, m.start, m.duration, m.from, m.to, m.center, m.amplitude,
-                  m.frequency, m.phase, m.sampling, m.levels)
+                  m.frequency, m.phase, m.sampling, m.recorded, m.levels)
 FERROBENCH_FIELDS(protocols::Segment, m.kind, m.label, m.start, m.end, m.level, m.rate, m.path)
 FERROBENCH_FIELDS(protocols::LevelUnit, m.name, m.unit, m.divisor)
 FERROBENCH_FIELDS(protocols::VisitedLevel, m.field, m.seconds)

@@ -23,7 +23,8 @@
 
 namespace ferrobench::bench {
 
-inline constexpr std::uint16_t version = 3;  // 2: a past has a degree of poling; 3: a piece its sampling
+inline constexpr std::uint16_t version =
+    4;  // 2: a past has a degree of poling; 3: a piece its sampling; 4: how it is recorded
 inline constexpr std::size_t head_bytes = 12;
 inline constexpr std::uint32_t most_payload = 1u << 30;  // a program of 10^8 samples
 
@@ -98,7 +99,7 @@ struct Prepare {  // checks it all, moves nothing; reply: Prepared
   std::uint32_t device = 0;
   bool last_use = false;   // the device is closed when the run is over
   bool real_time = false;  // it does not wait for the disk
-  double rate = 0;         // Hz, asked for
+  double rate = 0;         // Hz, asked for, of segments that ask for none
   bool exact_rate = false;
   daq::Limits limits{};
   Program program{};

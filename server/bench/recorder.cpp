@@ -45,13 +45,24 @@ void Recorder::store(const recordings::Rows& rows) {
   rows_ += rows.time.size();
 }
 
-void Recorder::fill_gap(std::uint64_t until) {
-  while (rows_ < until) store(scaling_.gap(rows_, std::min<std::uint64_t>(until - rows_, gap_rows)));
+void Recorder::fill_gap(const daq::SampleBlock& before) {
+  const auto until = before.first_sample;
+  while (rows_ < until && before.time.empty())
+    store(scaling_.gap(rows_, std::min<std::uint64_t>(until - rows_, gap_rows)));
+  std::vector<double> time;
+  while (rows_ < until) {
+    const auto left = static_cast<double>(until - rows_ + 1);
+    const double from = last_time_, step = (before.time.front() - from) / left;
+    time.clear();
+    for (std::uint64_t i = 1; i <= std::min<std::uint64_t>(until - rows_, gap_rows); ++i)
+      time.push_back(from + step * static_cast<double>(i));
+    store(scaling_.gap(time));
+  }
 }
 
 void Recorder::take(const daq::SampleBlock& block) {
   if (block.rows > 0) {
-    fill_gap(block.first_sample);
+    fill_gap(block);
     store(scaling_.rows(block));
   }
   for (const auto& event : block.events) add_event(event);
@@ -61,7 +72,7 @@ void Recorder::take(const daq::SampleBlock& block) {
 void Recorder::watch_disk() {
   rows_on_disk_ = journal_->rows_on_disk();
   const auto waiting = journal_->waiting();
-  const double time = static_cast<double>(rows_) / scaling_.rate();
+  const double time = last_time_;
   if (waiting > patience && failure_.empty()) failure_ = "the disk does not answer";
   if (trouble_.empty() && !journal_->is_in_place()) {
     trouble_ = "the journal of the recording was removed or renamed while the run went on";

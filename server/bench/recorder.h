@@ -1,9 +1,10 @@
 // Where the blocks of a run end: scaled to SI, and into the journal.
 //
-// Rows that were lost on the way are written as NaN (raw counts as the lowest one), so that a row's number is
-// its time. After a failure to write the run goes to its end by a safe stop, and the failure is kept; so it
-// is when the disk has owed the confirmation of a write for 10 s. Somebody who takes the journal away ends
-// the run, too; the server makes the file of the open journal all the same.
+// Rows that were lost on the way are written as NaN (raw counts as the lowest one), so that every row has its
+// number. Where not every row of the device is recorded their times are evenly spread over the gap. After a
+// failure to write the run goes to its end by a safe stop, and the failure is kept; so it is when the disk
+// has owed the confirmation of a write for 10 s. Somebody who takes the journal away ends the run, too; the
+// server makes the file of the open journal all the same.
 #pragma once
 
 #include <atomic>
@@ -36,7 +37,7 @@ class Recorder {
  private:
   template <class F>
   void guarded(F&& write);
-  void fill_gap(std::uint64_t until);
+  void fill_gap(const daq::SampleBlock& before);
   void store(const recordings::Rows& rows);
   void watch_disk();
 

@@ -23,7 +23,10 @@ std::size_t rows_of_block(double rate) {
 }
 
 protocols::SampledWaveform program_of(const Prepare& asked, const daq::Device& device) {
-  return {asked.program.waveform(), asked.exact_rate ? asked.rate : device.scan_rate(asked.rate)};
+  const auto waveform = asked.program.waveform();
+  // The device scans as fast as any segment is recorded.
+  const double rate = std::max(asked.rate, waveform.fastest_recorded());
+  return {waveform, asked.exact_rate ? asked.rate : device.scan_rate(rate), asked.rate};
 }
 
 }  // namespace
@@ -43,6 +46,7 @@ struct Run::Pipe {
     for (auto& block : blocks) {
       block.counts.reserve(rows * columns);
       block.command.reserve(rows);
+      block.time.reserve(rows);
       free.push(&block);
     }
   }

@@ -70,11 +70,12 @@ int preview(const Options& o, const Common& common) {
   const auto p = Link(common).call("protocol.preview", params);
   const auto unit = p.at("unit").get<std::string>();
   const auto size = p.at("unit_V_per_m").get<double>();
-  std::printf("%.6g s, %lld samples at %.6g Hz, from %.4g to %.4g %s, steepest %.4g %s/s\n",
-              p.at("duration_s").get<double>(), static_cast<long long>(p.at("samples").get<std::int64_t>()),
-              p.at("sample_rate_Hz").get<double>(), p.at("field_min").get<double>() / size,
-              p.at("field_max").get<double>() / size, unit.c_str(), p.at("max_slew").get<double>() / size,
-              unit.c_str());
+  const auto samples = p.at("samples").get<long long>(), recorded = p.at("recorded_samples").get<long long>();
+  const auto fewer = recorded < samples ? " (" + std::to_string(recorded) + " recorded)" : "";
+  std::printf("%.6g s, %lld samples%s at %.6g Hz, from %.4g to %.4g %s, steepest %.4g %s/s\n",
+              p.at("duration_s").get<double>(), samples, fewer.c_str(), p.at("sample_rate_Hz").get<double>(),
+              p.at("field_min").get<double>() / size, p.at("field_max").get<double>() / size, unit.c_str(),
+              p.at("max_slew").get<double>() / size, unit.c_str());
   for (const auto& s : p.at("segments")) print_segment(s, unit, size);
   std::cout << std::flush;
   if (p.at("problems").empty()) return exit_ok;

@@ -91,7 +91,7 @@ void describe(Visitor& visit, PreviewSegment& s) {
 
 struct Preview {
   double duration = 0, sample_rate = 0, field_min = 0, field_max = 0, max_slew = 0;
-  std::int64_t samples = 0;
+  std::int64_t samples = 0, recorded = 0;
   std::vector<double> time{}, min{}, max{};
   std::vector<PreviewSegment> segments{};
   std::string unit{};
@@ -101,8 +101,10 @@ struct Preview {
 template <class Visitor>
 void describe(Visitor& visit, Preview& p) {
   visit("duration_s", p.duration, {.unit = "s", .required = true});
-  visit("samples", p.samples, {.required = true});
-  visit("sample_rate_Hz", p.sample_rate, {.unit = "Hz", .required = true});
+  visit("samples", p.samples, {.required = true, .doc = "that the device takes"});
+  visit("recorded_samples", p.recorded,
+        {.required = true, .doc = "of them, where segments have sample rates of their own"});
+  visit("sample_rate_Hz", p.sample_rate, {.unit = "Hz", .required = true, .doc = "of the device"});
   visit("field_min", p.field_min, {.unit = "V/m", .required = true});
   visit("field_max", p.field_max, {.unit = "V/m", .required = true});
   visit("max_slew", p.max_slew, {.unit = "V/m/s", .required = true});
@@ -155,7 +157,9 @@ Preview preview(const PreviewParams& p, Engine& engine) {
   request.fast = true;
   const auto plan = make_plan(request, engine.store());
   const auto device = daq::open_device("virtual", plan.device_config);
-  const protocols::SampledWaveform program(plan.protocol.expand(), device->scan_rate(plan.sample_rate));
+  const auto expanded = plan.protocol.expand();
+  const double rate = std::max(plan.sample_rate, expanded.fastest_recorded());
+  const protocols::SampledWaveform program(expanded, device->scan_rate(rate), plan.sample_rate);
   const auto& waveform = program.waveform();
   Preview out{.duration = waveform.duration(),
               .sample_rate = program.rate(),
@@ -163,6 +167,7 @@ Preview preview(const PreviewParams& p, Engine& engine) {
               .field_max = waveform.maximum(),
               .max_slew = std::min(program.max_slew(), waveform.max_slew()),
               .samples = static_cast<std::int64_t>(program.size()),
+              .recorded = static_cast<std::int64_t>(program.recorded_size()),
               .unit = waveform.unit().name,
               .unit_size = waveform.unit().field(1)};
   draw(program, p.points, out);

@@ -143,7 +143,9 @@ void Queue::check(const Plan& plan) const {
       return;
     }
     const auto made = make_plan(request, engine_.store());
-    const protocols::SampledWaveform program(made.protocol.expand(), made.sample_rate);
+    const auto waveform = made.protocol.expand();
+    const protocols::SampledWaveform program(
+        waveform, std::max(made.sample_rate, waveform.fastest_recorded()), made.sample_rate);
     if (auto problems = daq::check(program, limits); !problems.empty())
       throw Error(ErrorCode::limit_exceeded, "a run of the plan goes beyond a limit", std::move(problems));
   }

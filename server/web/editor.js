@@ -170,7 +170,7 @@ export class Editor {
     } else {
       input = this.#input(value, pointer, put, { size: key === "label" || key === "csv" ? 12 : 6, inputmode: key === "label" ? "text" : "decimal" });
     }
-    return element("label", { class: value === undefined && !wanted ? "unused" : undefined, title: info.description }, `${key.replaceAll("_", " ")}${unit ? ` [${unit}]` : ""}`, " ", input);
+    return element("label", { class: value === undefined && !wanted ? "unused" : undefined, title: info.description }, `${key.replace(/_Hz$/, "").replaceAll("_", " ")}${unit ? ` [${unit}]` : ""}`, " ", input);
   }
 
   // What a new segment of a kind begins with.

@@ -290,7 +290,8 @@ export class Experiment {
     this.plot.dots = this.#handles();
     this.plot.set(curves);
     facts(byId("preview-facts"), [["Takes", duration(p.duration_s)], ["Samples", `${count(p.samples)} at ${quantity(p.sample_rate_Hz, "Hz")}`],
-      ["File", `up to ${bytes(p.samples * most_bytes_per_sample)}`],
+      ...(p.recorded_samples < p.samples ? [["Recorded", count(p.recorded_samples)]] : []),
+      ["File", `up to ${bytes(p.recorded_samples * most_bytes_per_sample)}`],
       ["Field", `${quantity(p.field_min, "V/m")} to ${quantity(p.field_max, "V/m")}`], ["Steepest", quantity(p.max_slew, "V/m/s")]]);
   }
 

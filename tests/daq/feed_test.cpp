@@ -15,9 +15,10 @@ protocols::SampledWaveform trapezoid() {
 }
 
 std::vector<double> commands(Feed& feed) {
-  std::vector<double> out;
-  feed.take_commands(0, feed.issued(), out);
-  return out;
+  SampleBlock block;
+  block.rows = feed.issued();
+  feed.take_rows(block);
+  return block.command;
 }
 
 std::vector<std::string> kinds(Feed& feed) {
@@ -146,6 +147,117 @@ TEST(Feed, LevelsByTheBlockAreThoseOneByOne) {
   EXPECT_EQ(rest.back(), 0);
   EXPECT_EQ(by_block.next_levels(rest), 0U);
   EXPECT_EQ(commands(by_block), commands(by_one));
+}
+
+// Up in 10 samples of which every 5th is recorded, a hold of 200 with ten rows a decade, down in 10.
+protocols::SampledWaveform sparse() {
+  auto up = line(0, 1000, 1), hold = line(1000, 1000, 20), down = line(1000, 0, 1);
+  up.recorded.rate = 2;
+  hold.recorded.per_decade = 10;
+  return program({up, hold, down}, 10);
+}
+
+SampleBlock block_of(std::uint64_t first, std::size_t rows) {
+  SampleBlock block;
+  block.first_sample = first;
+  block.rows = rows;
+  for (std::size_t i = 0; i < rows; ++i)
+    for (const auto column : {0, 1})
+      block.counts.push_back(static_cast<std::int16_t>(2 * (first + i) + column));
+  return block;
+}
+
+TEST(Feed, LeavesTheRowsThatAreRecordedAtTheirTimes) {
+  Feed feed(sparse(), {});
+  while (feed.next(17).samples != 0) {
+  }
+  const auto whole = sparse();
+  std::vector<double> time, command;
+  std::vector<std::int16_t> counts;
+  std::uint64_t rows = 0;
+  for (std::uint64_t first = 0, count = 1; first < whole.size(); first += count, count = 1 + first % 13) {
+    auto block = block_of(first, std::min(count, whole.size() - first));
+    feed.take_rows(block);
+    EXPECT_EQ(block.first_sample, rows);
+    rows += block.rows;
+    ASSERT_EQ(block.counts.size(), 2 * block.rows);
+    time.insert(time.end(), block.time.begin(), block.time.end());
+    command.insert(command.end(), block.command.begin(), block.command.end());
+    counts.insert(counts.end(), block.counts.begin(), block.counts.end());
+  }
+  EXPECT_EQ(rows, whole.recorded_size());
+  EXPECT_EQ(feed.recorded(), rows);
+  ASSERT_EQ(time.size(), rows);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const auto row = static_cast<std::uint64_t>(std::lround(time[i] * 10));
+    EXPECT_EQ(time[i], static_cast<double>(row) / 10);
+    EXPECT_EQ(command[i], whole.value(row)) << row;
+    EXPECT_EQ(counts[2 * i], 2 * static_cast<int>(row));
+    EXPECT_EQ(counts[2 * i + 1], 2 * static_cast<int>(row) + 1);
+  }
+  const auto table = feed.segments(rows);
+  ASSERT_EQ(table.size(), 3U);
+  EXPECT_EQ(table[1].start_sample, 2);  // rows 0, 5, 10
+  for (const auto& row : table) {
+    const auto corner = time[static_cast<std::size_t>(row.start_sample)];
+    EXPECT_TRUE(corner == 0 || corner == 1 || corner == 21) << corner;
+  }
+}
+
+TEST(Feed, CountsTheLostRowsThatWouldHaveBeenRecorded) {
+  Feed feed(sparse(), {});
+  while (feed.next(100).samples != 0) {
+  }
+  auto first = block_of(0, 3), last = block_of(12, 4);  // 5 and 10 are lost
+  feed.take_rows(first);
+  EXPECT_EQ(first.rows, 1U);
+  feed.take_rows(last);
+  EXPECT_EQ(last.first_sample, 3U + 1U);  // row 11 is lost, too
+  EXPECT_EQ(last.time, (std::vector<double>{1.2, 1.3, 1.4, 1.5}));
+}
+
+TEST(Feed, RecordsEveryRowOfAStop) {
+  Limits limits;
+  limits.stop_slew = 450;
+  for (const bool taken : {false, true}) {
+    Feed feed(sparse(), limits);
+    feed.next(7);  // of which 5 is recorded
+    auto before = block_of(0, taken ? 8 : 2);
+    feed.take_rows(before);
+    feed.stop(End::stopped, "enough");
+    while (feed.next(100).samples != 0) {
+    }
+    auto rest = block_of(before.rows > 1 ? 8 : 2, feed.issued() - (before.rows > 1 ? 8 : 2));
+    feed.take_rows(rest);
+    const auto table = feed.segments(feed.recorded());
+    ASSERT_EQ(table.size(), 2U);
+    EXPECT_EQ(table[1].label, "safe stop");
+    // Rows 0, 5 and 7; where 7 was read before the stop, 0, 5 and 8.
+    EXPECT_EQ(table[1].start_sample, 2);
+    EXPECT_EQ(table[1].end_sample, static_cast<std::int64_t>(before.rows + rest.rows));
+    EXPECT_EQ(rest.command.back(), 0);
+    EXPECT_NEAR(rest.time.back() - rest.time[rest.time.size() - 2], 0.1, 1e-9);
+  }
+}
+
+TEST(Feed, GoesOnWithItsRowsInAPause) {
+  Feed feed(sparse(), {});
+  feed.next(10);
+  feed.next(50);
+  feed.pause();
+  for (int i = 0; i < 10; ++i) feed.next(100);
+  feed.resume();
+  while (feed.next(100).samples != 0) {
+  }
+  auto all = block_of(0, feed.issued());
+  feed.take_rows(all);
+  // 1200 samples of a hold, from 10 on a tenth of a decade apart at first and then every 10 s.
+  double widest = 0;
+  for (std::size_t i = 1; i < all.rows; ++i) widest = std::max(widest, all.time[i] - all.time[i - 1]);
+  EXPECT_EQ(widest, 10);
+  const auto table = feed.segments(all.rows);
+  ASSERT_EQ(table.size(), 3U);
+  EXPECT_NEAR(all.time[static_cast<std::size_t>(table[2].start_sample)], 21 + 100, 1e-9);
 }
 
 TEST(Limiter, HoldsWhateverIsAskedFor) {

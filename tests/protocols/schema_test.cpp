@@ -24,7 +24,9 @@ std::vector<json> documents() {
   const json hold = {{"kind", "hold"}, {"time", 1}};
   const std::vector<json> segments = {
       hold,
+      {{"kind", "hold"}, {"time", 1}, {"sample_rate_Hz", 10}, {"readings_per_decade", 20}},
       {{"kind", "ramp"}, {"to", 1}, {"time", 1}, {"label", "up"}},
+      {{"kind", "ramp"}, {"to", 1}, {"time", 1}, {"readings_per_decade", 20}},
       {{"kind", "reversals"}, {"count", 3}, {"first", 1}, {"last", 0}, {"rate", 1}, {"hold", 1}},
       {{"kind", "reversals"},
        {"order", 2},

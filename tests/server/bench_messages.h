@@ -10,6 +10,7 @@ namespace ferrobench::bench {
 
 inline Prepare prepare() {
   protocols::Piece ramp{.kind = protocols::PieceKind::ramp, .duration = 0.5, .to = 1e6, .sampling = 200};
+  ramp.recorded = {.rate = 400, .per_decade = 30};
   protocols::Piece samples{
       .kind = protocols::PieceKind::samples, .start = 0.5, .duration = 1, .from = 1e6, .to = -1.25};
   samples.levels = std::make_shared<std::vector<double>>(std::vector{1e6, 0.5e6, -1.25});

@@ -60,6 +60,8 @@ TEST(BenchMessages, CarryWhatWasPutIn) {
   EXPECT_EQ(waveform.unit().name, "kV/mm");
   EXPECT_EQ(waveform.segments()[0].label, "up");
   EXPECT_EQ(waveform.sampling(), 200);
+  EXPECT_EQ(waveform.pieces()[0].recorded.rate, 400);
+  EXPECT_EQ(waveform.pieces()[0].recorded.per_decade, 30);
   const auto known = decoded<daq::DeviceFacts>(encoded(facts()));
   EXPECT_EQ(known.info, facts().info);
   EXPECT_EQ(known.past, facts().past);

@@ -49,6 +49,53 @@ TEST_F(EngineTest, RecordsAWholeRun) {
                    column.offset + column.gain * r.raw->counts[10 * r.raw->columns.size()]);
 }
 
+// A fast ramp closely, a long hold by the decade: the device scans at one rate, and the file has what was
+// asked for, which everybody reads like any other.
+TEST_F(EngineTest, RecordsEachSegmentAsItAsks) {
+  auto program = trapezium(0.1, 100);
+  program["sample_rate_Hz"] = 50;
+  program["segments"][0]["sample_rate_Hz"] = 1000;
+  program["segments"][1]["readings_per_decade"] = 40;
+  const auto status = finish(request(program, true));
+  ASSERT_EQ(status.state, RunState::complete) << status.reason;
+  EXPECT_EQ(status.sample_rate, 1000);
+  EXPECT_EQ(status.rows, 100'201);
+  EXPECT_EQ(status.rows, status.rows_expected);
+
+  const auto r = recordings::read_recording(status.path);
+  const protocols::SampledWaveform planned(protocols::Protocol::from_json(program).expand(), 1000, 50);
+  EXPECT_EQ(r.size(), planned.recorded_size());
+  EXPECT_EQ(static_cast<std::int64_t>(r.size()), status.rows_on_disk);
+  ASSERT_EQ(r.segments.size(), 3u);
+  const auto row = [&](std::int64_t i) { return static_cast<std::size_t>(i); };
+  EXPECT_EQ(r.segments[1].start_sample, 100);
+  EXPECT_EQ(r.time[row(r.segments[1].start_sample)], 0.1);
+  EXPECT_EQ(r.time[row(r.segments[2].start_sample)], 100.1);
+  EXPECT_EQ(r.time[row(r.segments[2].start_sample) + 1], 100.12);  // 50 a second
+  const auto hold = r.segments[1].end_sample - r.segments[1].start_sample;
+  // 50 a second until a fortieth of a decade is longer than that, after 0.34 s.
+  EXPECT_NEAR(static_cast<double>(hold), 0.34 * 50 + 40 * std::log10(100 / 0.34), 3);
+  for (std::size_t i = 0; i < r.size(); ++i)
+    EXPECT_NEAR(r.at(Channel::command)[i], planned.waveform().value(r.time[i]), 1e-3);
+  ASSERT_TRUE(r.raw);
+  EXPECT_EQ(r.raw->counts.size(), r.size() * r.raw->columns.size());
+
+  // The same samples as if all had been recorded.
+  auto closely = program;
+  closely["sample_rate_Hz"] = 1000;
+  for (auto& segment : closely["segments"]) {
+    segment.erase("sample_rate_Hz");
+    segment.erase("readings_per_decade");
+  }
+  const auto all = recordings::read_recording(finish(request(closely, true)).path);
+  ASSERT_EQ(all.size(), 100'201u);
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    const auto same = static_cast<std::size_t>(std::lround(r.time[i] * 1000));
+    EXPECT_EQ(r.time[i], all.time[same]);
+    EXPECT_EQ(r.at(Channel::displacement)[i], all.at(Channel::displacement)[same]);
+  }
+}
+
 // What the bench knows of the specimen before the first sample stands in the recording, and is simulated.
 TEST_F(EngineTest, ARunSaysWhatTheSpecimenHadBeenThrough) {
   using protocols::Past;
