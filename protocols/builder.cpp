@@ -21,6 +21,16 @@ void Builder::enter(const std::string& path, std::string prefix) {
   step();
 }
 
+void Builder::average(const std::string& path) {
+  if (averaged_)
+    refuse({.path = path + "/average",
+            .message = "is of a second repeat",
+            .given = true,
+            .allowed = averaged_->path,
+            .hint = "a recording has one mean"});
+  averaged_ = {.path = path, .begin = {}};
+}
+
 // Counts work and not only pieces, so that a repeat of nothing ends too.
 void Builder::step() {
   if (++steps_ > max_pieces)

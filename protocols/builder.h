@@ -1,6 +1,7 @@
 // Turns moves into the pieces and the segment table of a waveform, from a given level on.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,6 +20,9 @@ class Builder {
   // What is added from now on is recorded so; rows per decade are for holds.
   void record(const Recorded& recorded) { recorded_ = recorded; }
   const Recorded& recorded() const { return recorded_; }
+  // The repeat at this path is averaged; a program has one at the most. Throws as enter() does.
+  void average(const std::string& path);
+  void begin_pass() { averaged_->begin.push_back(pieces_.size()); }
 
   double level() const { return level_; }
   bool moves_to(double to) const;          // false where `to` is the present level, within same_level
@@ -38,7 +42,9 @@ class Builder {
   std::string next_reversal() { return std::to_string(++reversals_); }
   std::string next_bias() { return std::to_string(++biases_); }
 
-  Waveform finish() { return {std::move(pieces_), std::move(segments_), std::move(unit_)}; }
+  Waveform finish() {
+    return {std::move(pieces_), std::move(segments_), std::move(unit_), std::move(averaged_)};
+  }
 
  private:
   void step();
@@ -51,6 +57,7 @@ class Builder {
   int ramps_ = 0, holds_ = 0, reversals_ = 0, biases_ = 0;
   std::string path_, prefix_;
   Recorded recorded_;
+  std::optional<AveragedRepeat> averaged_;
   std::vector<Piece> pieces_;
   std::vector<Segment> segments_;
 };

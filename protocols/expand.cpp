@@ -35,11 +35,14 @@ void play(const Hold& s, const Node& node, const std::string& prefix, Builder& b
 
 void play(const Repeat& s, const Node& node, const std::string& prefix, Builder& b) {
   const auto recorded = b.recorded();
+  if (s.average) b.average(node.path);
   for (std::int64_t i = 1; i <= s.count; ++i) {
     b.enter(node.path, prefix);
+    if (s.average) b.begin_pass();
     expand(s.nodes, node.label.empty() ? prefix : prefix + node.label + " " + std::to_string(i) + ": ",
            recorded, b);
   }
+  if (s.average) b.begin_pass();  // where the last one ends
 }
 
 std::vector<double> turning_points(const Reversals& s) {

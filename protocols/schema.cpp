@@ -55,6 +55,7 @@ void relate(json& s, const Points&) {
 }
 void relate(json& s, const Repeat&) {
   s["properties"]["segments"] = {{"$ref", "#/$defs/segments"}};
+  s["allOf"] = {if_then("average", true, {{"properties", {{"count", {{"minimum", fewest_averaged}}}}}})};
 }
 void relate(json& s, const Reversals&) {
   s["oneOf"] = exactly_one({"points", "count"});

@@ -125,7 +125,19 @@ void check_keys(Repeat& s, const Place& place) {
       read_segments(s.segments, pointer(place.path, "segments"), place.depth + 1, place.unit, place.problems);
   s.segments = nullptr;
 }
-void check_values(const Repeat&, const Place&) {}
+void check_values(const Repeat& s, const Place& place) {
+  if (!s.average) return;
+  if (place.depth > 0)
+    place.add("average", {.message = "is of a repeat inside another one",
+                          .given = true,
+                          .hint = "average the outermost, or take it out of there"});
+  if (s.count < fewest_averaged)
+    place.add("count",
+              {.message = "is too few to be averaged",
+               .given = s.count,
+               .allowed = {{"from", fewest_averaged}},
+               .hint = "the first pass brings the specimen into the loop and has no part in the mean"});
+}
 
 void check_label(const std::string& label, const Place& place) {
   const bool printable =

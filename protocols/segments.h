@@ -193,16 +193,20 @@ void describe(Visitor& visit, Points& s) {
 }
 
 struct Node;
-// The nested segments, `count` times.
+// The nested segments, `count` times. The passes of one that is averaged are recorded like any other; their
+// mean, without the first one, which brings the specimen into the loop, is made of the recording.
 struct Repeat {
   static constexpr std::string_view kind = "repeat";
   std::int64_t count = 1;
+  bool average = false;
   nlohmann::json segments;
   std::vector<Node> nodes;  // read from `segments`
 };
 template <class Visitor>
 void describe(Visitor& visit, Repeat& s) {
   visit("count", s.count, {.min = 1, .max = 1e6, .required = true, .doc = "how often"});
+  visit("average", s.average,
+        {.doc = "reports show the mean over all passes but the first, which a program has of one repeat"});
   visit("segments", s.segments, {.required = true, .doc = "what is repeated"});
 }
 
@@ -250,6 +254,7 @@ void describe(Visitor& visit, Entry<T>& entry) {
 
 inline constexpr double same_level = 1e-9;  // in the unit of the file: levels closer than this are one
 inline constexpr int max_depth = 8;         // of nested repeats
+inline constexpr int fewest_averaged = 3;   // passes: one that is left out, and two
 inline constexpr std::size_t max_pieces = 1'000'000;
 inline constexpr double max_duration = 1e7;  // s
 

@@ -75,8 +75,12 @@ double Piece::max_slew() const {
   return two_pi * frequency * std::abs(amplitude) * steepest;
 }
 
-Waveform::Waveform(std::vector<Piece> pieces, std::vector<Segment> segments, LevelUnit unit)
-    : pieces_(std::move(pieces)), segments_(std::move(segments)), unit_(std::move(unit)) {
+Waveform::Waveform(std::vector<Piece> pieces, std::vector<Segment> segments, LevelUnit unit,
+                   std::optional<AveragedRepeat> averaged)
+    : pieces_(std::move(pieces)),
+      segments_(std::move(segments)),
+      unit_(std::move(unit)),
+      averaged_(std::move(averaged)) {
   if (pieces_.size() != segments_.size())
     throw std::invalid_argument("a waveform needs one segment row for each piece");
   double end = 0;

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -46,6 +47,12 @@ struct Segment {
   std::string path{};         // JSON pointer into the protocol that it comes from; "" if there is none
 };
 
+// The repeat of a program that is averaged.
+struct AveragedRepeat {
+  std::string path{};                // JSON pointer into the protocol
+  std::vector<std::size_t> begin{};  // the first piece of each pass, and the first one after the last
+};
+
 // The unit in which the author of a program wrote levels, and per second rates. A level l is
 // l * unit / divisor in V/m: two numbers, so that 150 V over 1e-4 m round as people's own arithmetic does.
 struct LevelUnit {
@@ -60,11 +67,13 @@ class Waveform {
  public:
   Waveform() = default;
   // Throws std::invalid_argument if pieces do not join in time (pieces and segments correspond one to one).
-  Waveform(std::vector<Piece> pieces, std::vector<Segment> segments, LevelUnit unit = {});
+  Waveform(std::vector<Piece> pieces, std::vector<Segment> segments, LevelUnit unit = {},
+           std::optional<AveragedRepeat> averaged = {});
 
   std::span<const Piece> pieces() const { return pieces_; }
   std::span<const Segment> segments() const { return segments_; }
   const LevelUnit& unit() const { return unit_; }
+  const std::optional<AveragedRepeat>& averaged() const { return averaged_; }
   // What a problem with a piece points to: the segment of the protocol, or the row of the segment table.
   std::string place(std::size_t piece) const;
   double duration() const;                  // s
@@ -79,6 +88,7 @@ class Waveform {
   std::vector<Piece> pieces_;
   std::vector<Segment> segments_;
   LevelUnit unit_;
+  std::optional<AveragedRepeat> averaged_;
 };
 
 // The waveform on a grid of samples 1/rate apart. Every corner falls on a sample, with its exact level: a

@@ -75,9 +75,9 @@ class Branch {
   double start_ = NAN, end_ = -INFINITY;
 };
 
-// The area between both ways where they differ by less than `limit`; none if x goes there and back more than
-// once.
-std::optional<double> between_ways(std::span<const double> x, std::span<const double> y, double limit) {
+// The area between both ways where they differ by less than `limit`; none unless x goes from its first sample
+// to its far end and back once.
+std::optional<double> there_and_back(std::span<const double> x, std::span<const double> y, double limit) {
   std::size_t far = 0;
   double travelled = 0, before = x.empty() ? NAN : x[0];
   for (std::size_t i = 0; i < x.size(); ++i) {
@@ -101,6 +101,21 @@ std::optional<double> between_ways(std::span<const double> x, std::span<const do
     if (const double apart = std::abs(out.at(at) - back.at(at)); apart < limit) area += apart;
   }
   return area * (high - low) / steps;
+}
+
+// The same of a loop that may begin anywhere, since it is closed: where x is lowest, if not where it does.
+std::optional<double> between_ways(std::span<const double> x, std::span<const double> y, double limit) {
+  if (const auto area = there_and_back(x, y, limit)) return area;
+  const auto range = extremes(x);
+  if (!range) return std::nullopt;
+  const auto from_lowest = [&](std::span<const double> values) {
+    std::vector<double> out;
+    out.reserve(values.size() + 1);
+    for (std::size_t i = 0; i <= values.size(); ++i)
+      out.push_back(values[(range->low_at + i) % values.size()]);
+    return out;
+  };
+  return there_and_back(from_lowest(x), from_lowest(y), limit);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "recordings/analysis/clipping.h"
 #include "recordings/analysis/cycles.h"
 #include "recordings/analysis/loop_measures.h"
+#include "recordings/analysis/mean_of_passes.h"
 #include "recordings/analysis/pund.h"
 #include "recordings/analysis/small_signal.h"
 
@@ -48,6 +49,11 @@ class Analysis {
     if (!pulses_) pulses_ = pulse_sequence(recording);
     return *pulses_;
   }
+  // None unless the protocol averages a repeat.
+  const std::optional<MeanOfPasses>& mean() const {
+    if (!mean_) mean_ = mean_of_passes(recording);
+    return *mean_;
+  }
   // Of cycles(), one by one.
   const std::vector<LoopMeasures>& measures() const {
     if (!measures_) {
@@ -65,6 +71,7 @@ class Analysis {
   mutable std::optional<LoopMeter> meter_;
   mutable std::optional<Clipping> clipping_;
   mutable std::optional<std::optional<PulseSequence>> pulses_;
+  mutable std::optional<std::optional<MeanOfPasses>> mean_;
   mutable std::optional<std::vector<LoopMeasures>> measures_;
 };
 

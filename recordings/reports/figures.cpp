@@ -139,6 +139,18 @@ Figure loop_figure(const Parts& parts, const std::vector<double>& field, const S
   return figure;
 }
 
+void add_mean(const MeanOfPasses& mean, std::vector<Figure>& figures) {
+  const Analysis analysis(mean.recording);
+  const auto field = scaled(field_of(mean.recording), volts_per_m_in_kv_per_mm);
+  const auto parts = parts_of(mean.recording, analysis.cycles(), most_cycles);
+  for (auto& channel : shown_channels(mean.recording)) {
+    if (channel.title == "Force" || channel.title == "Current") continue;
+    auto figure = loop_figure(parts, field, channel);
+    figure.title += ", mean of " + mean.in_words();
+    figures.push_back(std::move(figure));
+  }
+}
+
 void add_forc(const Forc& forc, std::vector<Figure>& figures) {
   constexpr double density = volts_per_m_in_kv_per_mm * volts_per_m_in_kv_per_mm;
   const auto field = scaled(forc.field, volts_per_m_in_kv_per_mm);
@@ -260,6 +272,7 @@ std::vector<Figure> make_figures(const Analysis& analysis) {
   for (const auto& channel : channels)
     if (channel.title != "Force" && (channel.title != "Current" || is_stepped(field)))
       out.push_back(loop_figure(parts, field, channel));
+  if (const auto& mean = analysis.mean()) add_mean(*mean, out);
   if (const auto forc = find_forc(r, cycles)) add_forc(*forc, out);
   add_small_signal(analysis.small_signal(), out);
   if (r.has(Channel::displacement))

@@ -109,8 +109,9 @@ Report make_report(const Recording& recording) {
   const auto add = [&](const std::optional<Table>& table) {
     if (table) report.tables.push_back(*table);
   };
-  for (const auto& table : {small_signal_table(analysis), stroke_table(analysis), hysteresis_table(analysis),
-                            rate_table(analysis), minor_loop_table(analysis), creep_table(r)})
+  for (const auto& table :
+       {small_signal_table(analysis), mean_table(analysis), stroke_table(analysis),
+        hysteresis_table(analysis), rate_table(analysis), minor_loop_table(analysis), creep_table(r)})
     add(table);
   for (const auto& table : creep_readings(analysis)) report.tables.push_back(table);
   for (const auto& table : {pund_table(analysis), pund_tester_table(analysis), pulse_table(analysis),

@@ -1,6 +1,6 @@
-// What a recording shows, as tables: stroke, hysteresis, creep, rates, minor loops, pulses, the small-signal
-// response, leakage and fatigue; and the whole as text, Markdown, CSV, JSON or one self-contained HTML page
-// with pictures.
+// What a recording shows, as tables: stroke, hysteresis, the mean of a repeat, creep, rates, minor loops,
+// pulses, the small-signal response, leakage and fatigue; and the whole as text, Markdown, CSV, JSON or one
+// self-contained HTML page with pictures.
 //
 // A table that the recording has nothing for (no hold, one rate only, no such channel) is left out.
 #pragma once
@@ -36,6 +36,7 @@ std::optional<Table> hysteresis_table(const Analysis& analysis);
 std::optional<Table> creep_table(const Recording& recording);
 // Displacement and polarization as they creep, one table each.
 std::vector<Table> creep_readings(const Analysis& analysis);
+std::optional<Table> mean_table(const Analysis& analysis);  // of the passes of a repeat
 std::optional<Table> rate_table(const Analysis& analysis);
 std::optional<Table> minor_loop_table(const Analysis& analysis);
 std::optional<Table> pulse_table(const Analysis& analysis);  // positive-up-negative-down, pulse by pulse

@@ -242,6 +242,52 @@ std::optional<Table> creep_table(const Recording& r) {
   return table;
 }
 
+std::optional<Table> mean_table(const Analysis& analysis) {
+  const auto& mean = analysis.mean();
+  if (!mean) return std::nullopt;
+  const Analysis own(mean->recording);
+  const auto& cycles = own.cycles();
+  if (cycles.empty()) return std::nullopt;
+  Table table{.key = "mean",
+              .title = "Mean of " + mean->in_words(),
+              .columns = {{"cycle", "cycle", ""},
+                          rate_column(),
+                          {"stroke_um", "stroke", "um"},
+                          {"strain_percent", "strain", "%"},
+                          {"displacement_area_um_kV_per_mm", "area, displacement loop", "um kV/mm"},
+                          {"width_kV_per_mm", "width at half stroke", "kV/mm"},
+                          {"coercive_negative_kV_per_mm", "coercive field, falling", "kV/mm"},
+                          {"coercive_positive_kV_per_mm", "coercive field, rising", "kV/mm"},
+                          {"remanent_falling_C_per_m2", "remanent polarization, falling", "C/m^2"},
+                          {"remanent_rising_C_per_m2", "remanent polarization, rising", "C/m^2"},
+                          {"energy_J_per_m3", "energy per cycle", "J/m^3"}},
+              .rows = {},
+              .notes = {"Sample by sample, without the first pass, which brings the specimen into the loop. "
+                        "Noise is the scatter of the passes about their mean."}};
+  for (const auto& why : mean->left_out) table.notes.push_back(why);
+  for (std::size_t i = 0; i < cycles.size(); ++i) {
+    const auto& m = own.measures()[i];
+    table.add({whole(i + 1), cycles[i].rate > 0 ? in_kv_per_mm(cycles[i].rate) : Cell{}, in_um(m.stroke),
+               Entry(m.stroke, mean->recording.header.specimen.length / 100),
+               Entry(m.displacement_area, cubic_metre_in_um), in_kv_per_mm(m.width),
+               in_kv_per_mm(m.coercive_negative), in_kv_per_mm(m.coercive_positive),
+               in_si(m.remanent_falling), in_si(m.remanent_rising), in_si(m.energy)});
+    const auto mark = [&](const Keys& keys, std::span<const Channel> channels) {
+      mark_clipped(table, own.clipping(), keys, channels, cycles[i].first, cycles[i].last);
+    };
+    mark({"stroke_um", "strain_percent"}, displacement_alone);
+    mark({"displacement_area_um_kV_per_mm", "width_kV_per_mm"}, displacement_loop);
+    mark({"coercive_negative_kV_per_mm", "coercive_positive_kV_per_mm", "remanent_falling_C_per_m2",
+          "remanent_rising_C_per_m2", "energy_J_per_m3"},
+         charge_loop);
+  }
+  if (own.meter().centred())
+    table.notes.emplace_back(
+        "The charge has no absolute zero: polarization counts from the middle of its range.");
+  note_smoothing(own.meter(), table);
+  return table;
+}
+
 std::optional<Table> rate_table(const Analysis& analysis) {
   const auto& r = analysis.recording;
   if (!has_program(r) || !r.has(Channel::displacement)) return std::nullopt;

@@ -32,6 +32,7 @@ void add_run(CLI::App& app, Common& common);
 void add_replay(CLI::App& app, Common& common);
 void add_rerun(CLI::App& app, Common& common);
 void add_compare(CLI::App& app, Common& common);
+void add_average(CLI::App& app, Common& common);
 void add_list(CLI::App& app, Common& common);
 void add_queue(CLI::App& app, Common& common);
 void add_recover(CLI::App& app, Common& common);

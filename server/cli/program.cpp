@@ -37,6 +37,7 @@ void build_program(CLI::App& app, Common& common) {
   add_replay(app, common);
   add_rerun(app, common);
   add_compare(app, common);
+  add_average(app, common);
   add_queue(app, common);
   add_list(app, common);
   add_recover(app, common);

@@ -60,6 +60,9 @@ RunRequest rerun_request(const recordings::Recording& recording) {
   if (driver == "replay")
     refuse("/entry/instrument/device", "is a replay",
            "rerun the recording that it plays: " + excerpt(h.device.value("source", "")));
+  if (h.device.contains("mean_of"))
+    refuse("/entry/instrument/device", "is of a mean over several passes",
+           "rerun the recording that it was made of, which `mean_of` names");
   if (!h.protocol.is_object())
     refuse("/entry/protocol", "is missing", "without its program an experiment can only be replayed");
 

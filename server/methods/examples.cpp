@@ -59,6 +59,7 @@ nlohmann::json method_examples() {
     "queue.stop": {},
     "queue.summary": {"plan": 1, "figures": ["stroke.stroke_um"], "of": "last"},
     "recording.annotate": {"name": "loops", "text": "the door was opened", "time_s": 0.4},
+    "recording.average": {"name": "passes"},
     "recording.compare": {"a": "loops", "b": "loops-again"},
     "recording.delete": {"name": "loops-again"},
     "recording.export": {"name": "loops"},

@@ -9,6 +9,7 @@
 #include "recordings/file/writer.h"
 #include "recordings/format/iso_time.h"
 #include "recordings/reports/report.h"
+#include "server/engine/average.h"
 #include "server/engine/live.h"
 #include "server/methods/methods.h"
 #include "server/methods/recording_curves.h"
@@ -84,6 +85,18 @@ void describe(Visitor& visit, AnnotateParams& p) {
   visit("text", p.text, {.required = true, .doc = "the note"});
   visit("time_s", p.time, {.unit = "s", .min = 0, .doc = "moment of the recording that it concerns"});
 }
+struct Averaged {
+  std::string recording{}, path{};
+  std::vector<std::int64_t> passes{};
+  std::vector<std::string> left_out{};
+};
+template <class Visitor>
+void describe(Visitor& visit, Averaged& a) {
+  visit("recording", a.recording, {.required = true, .doc = "name of the mean"});
+  visit("path", a.path, {.required = true});
+  visit("passes", a.passes, {.required = true, .doc = "that have a part in it"});
+  visit("left_out", a.left_out, {.required = true, .doc = "why other passes have none"});
+}
 struct RecoverParams {
   std::string name{};
 };
@@ -127,6 +140,8 @@ const std::vector<ErrorCode> view_errors{ErrorCode::not_found, ErrorCode::bad_re
 const std::vector<ErrorCode> change_errors{ErrorCode::not_found, ErrorCode::busy,
                                            ErrorCode::bad_state, ErrorCode::bad_recording,
                                            ErrorCode::io_error,  ErrorCode::disk_full};
+const std::vector<ErrorCode> new_errors{ErrorCode::not_found, ErrorCode::bad_recording,
+                                        ErrorCode::limit_exceeded, ErrorCode::io_error, ErrorCode::disk_full};
 
 json info_of(const fs::path& path) {
   const auto s = recordings::read_summary(path.string());
@@ -296,6 +311,19 @@ void add_changes(Dispatcher& rpc, Engine& engine) {
         text.flush();
         file.put();
         return Exported{out.filename().string(), out.string(), static_cast<std::int64_t>(fs::file_size(out))};
+      });
+  rpc.add<RecordingName>(
+      {.name = "recording.average",
+       .doc =
+           "The mean over the passes of the protocol's averaged repeat, but the first, as a new recording.",
+       .role = Role::control,
+       .lane = Lane::heavy,
+       .errors = new_errors},
+      [&engine](const RecordingName& p) {
+        const auto mean = average_recording(read_to_view(engine, p.name));
+        const auto path = engine.store().add_recording(p.name + "-mean", mean.recording);
+        return Averaged{
+            path.stem().string(), path.string(), {mean.passes.begin(), mean.passes.end()}, mean.left_out};
       });
   rpc.add<AnnotateParams>({.name = "recording.annotate",
                            .doc = "Adds a note to a recording's events.",

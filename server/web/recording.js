@@ -164,6 +164,11 @@ export class RecordingView {
         button("Replay", () => this.#act("The replay was not started.", async () => this.started(await this.rpc.call("replay.start", { recording: name })))),
         button("Replay fast", () => this.#act("The replay was not started.", async () => this.started(await this.rpc.call("replay.start", { recording: name, fast: true })))),
         button("HTML", () => this.#saveReport(name)),
+        (info.protocol?.segments ?? []).some((s) => s.average) ? button("Average", () => this.#act("It was not averaged.", async () => {
+          const { recording: mean } = await this.rpc.call("recording.average", { name });
+          await this.removed();
+          location.hash = `#recordings/${encodeURIComponent(mean)}`;
+        })) : null,
         button("CSV", () => this.#act("It was not exported.", async () => {
           const { name: file } = await this.rpc.call("recording.export", { name });
           element("a", { href: fileAddress(file), download: file }).click();

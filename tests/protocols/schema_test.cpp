@@ -53,7 +53,10 @@ std::vector<json> documents() {
        {"cycles", 5}},
       {{"kind", "points"}, {"points", {{0, 1}, {1, 2}}}},
       {{"kind", "points"}, {"csv", "0,1\n1,2\n"}},
-      {{"kind", "repeat"}, {"count", 2}, {"segments", json::array({hold})}}};
+      {{"kind", "repeat"}, {"count", 2}, {"segments", json::array({hold})}},
+      {{"kind", "repeat"}, {"count", 3}, {"average", true}, {"segments", json::array({hold})}},
+      {{"kind", "repeat"}, {"count", 2}, {"average", true}, {"segments", json::array({hold})}},
+      {{"kind", "repeat"}, {"count", 2}, {"average", false}, {"segments", json::array({hold})}}};
   for (const auto& segment : segments) {
     out.push_back(one(segment));
     for (const auto& [key, value] : segment.items()) {

@@ -125,6 +125,23 @@ TEST(Validation, ChecksEachPoint) {
   EXPECT_THAT(segment_paths({{"kind", "points"}, {"csv", "0,0\n0,1\n"}}), ElementsAre("/segments/0/csv"));
 }
 
+TEST(Validation, KnowsWhatCanBeAveraged) {
+  const auto repeat = nlohmann::json::parse(
+      R"({"kind": "repeat", "count": 3, "average": true, "segments": [{"kind": "hold", "time": 1}]})");
+  EXPECT_TRUE(validate(program(nlohmann::json::array({repeat}))).empty());
+  const auto path_of = [](const nlohmann::json& segments) {
+    const auto found = validate(program(segments));
+    return found.size() == 1 ? found[0].path : std::to_string(found.size());
+  };
+  auto few = repeat;
+  few["count"] = 2;
+  EXPECT_EQ(path_of(nlohmann::json::array({few})), "/segments/0/count");
+  EXPECT_EQ(path_of(nlohmann::json::array({repeat, repeat})), "/segments/1/average");
+  const nlohmann::json around{
+      {"kind", "repeat"}, {"count", 2}, {"segments", nlohmann::json::array({repeat})}};
+  EXPECT_EQ(path_of(nlohmann::json::array({around})), "/segments/0/segments/0/average");
+}
+
 TEST(Validation, RefusesWhatCannotBePlayed) {
   EXPECT_THAT(segment_paths({{"kind", "triangle"}, {"low", 1}, {"high", 1}, {"rate", 1}}),
               ElementsAre("/segments/0/low"));

@@ -11,9 +11,9 @@ import jsonschema
 import ferrobench
 
 PACKAGE = pathlib.Path(ferrobench.__file__).parent.parent
-# Their examples name what only a run or a job of the moment has: the id of a device, a job, or a lease, or a run to pause.
+# Their examples name what only a run or a job of the moment has: the id of a device, a job, or a lease, a run to pause, a recording to average.
 OF_THE_MOMENT = {"device.close", "device.info", "device.selftest", "discrepancy.result", "discrepancy.status", "job.cancel",
-                 "job.status", "lease.present", "queue.confirm", "run.pause", "run.resume", "run.abort", "lease.release", "lease.renew"}
+                 "job.status", "lease.present", "queue.confirm", "recording.average", "run.pause", "run.resume", "run.abort", "lease.release", "lease.renew"}
 # They take minutes, or end what the others need.
 LONG = {"discrepancy.start", "table.run"}
 FIRST, LAST = ["recording.import"], ["recording.delete", "unsubscribe", "model.fit"]

@@ -80,5 +80,18 @@ TEST(EnclosedArea, LiesBetweenTheWayOutAndTheWayBack) {
             0);
 }
 
+// A butterfly, y = |x| up to a lag: the same area wherever on it the loop begins and ends.
+TEST(EnclosedArea, IsTheSameWhereverTheLoopBegins) {
+  const std::vector<double> x{-1, -0.5, 0, 0.5, 1, 0.5, 0, -0.5}, y{1, 0.5, 0, 0.9, 1, 0.5, 0, 0.9};
+  for (std::size_t begin = 0; begin < x.size(); ++begin) {
+    std::vector<double> fields, values;
+    for (std::size_t i = 0; i <= x.size(); ++i) {
+      fields.push_back(x[(begin + i) % x.size()]);
+      values.push_back(y[(begin + i) % x.size()]);
+    }
+    EXPECT_NEAR(enclosed_area(fields, values), 2 * 0.5 * 1 * 0.4, 1e-6) << begin;
+  }
+}
+
 }  // namespace
 }  // namespace ferrobench::recordings

@@ -172,6 +172,13 @@ TEST_F(OpenRpc, IsTrue) {
   call("recording.annotate", {{"name", first}, {"text", "a note"}});
   call("recording.export", {{"name", first}});
   call("recording.recover", json::object());
+  auto passes = trapezium(0.05, 0.05);
+  passes["segments"] =
+      json::array({{{"kind", "repeat"}, {"count", 3}, {"average", true}, {"segments", passes["segments"]}}});
+  call("run.start", {{"protocol", passes}, {"fast", true}});
+  const auto third = name_of_run(write_json(engine.wait(engine.status().run)));
+  EXPECT_EQ(call("recording.average", {{"name", third}})["passes"], json({2, 3}));
+  EXPECT_THROW(rpc.call("recording.average", {{"name", first}}, caller), Error);
   call("recording.delete", {{"name", second}});
   const json planned{{"run", {{"protocol", trapezium(0.05, 0.05)}}},
                      {"sweeps", {{{"set", "top"}, {"values", {0.1, 0.2}}}}},

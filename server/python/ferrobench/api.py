@@ -518,8 +518,9 @@ class ProtocolPreview(TypedDict, total=False):
     max_slew: float  # [V/m/s]
     min: list[float]
     problems: list[JobStatusErrorProblem]  # limits that the program goes beyond; run.start would refuse it
-    sample_rate_Hz: float  # [Hz]
-    samples: int
+    recorded_samples: int  # of them, where segments have sample rates of their own
+    sample_rate_Hz: float  # [Hz] of the device
+    samples: int  # that the device takes
     segments: list[ProtocolPreviewSegment]  # the first 1000
     time: list[float]  # start of each stretch of the decimated waveform
     unit: str  # in which the program was written
@@ -582,6 +583,13 @@ class RecordingReportOrder(TypedDict, total=False):
 class ProtocolValidate(TypedDict, total=False):
     problems: list[JobStatusErrorProblem]
     valid: bool
+
+
+class RecordingAverage(TypedDict, total=False):
+    left_out: list[str]  # why other passes have none
+    passes: list[int]  # that have a part in it
+    path: str
+    recording: str  # name of the mean
 
 
 class RecordingCompare(TypedDict, total=False):
@@ -1394,6 +1402,20 @@ class RecordingArea(Area):
         InvalidParams, NotFound, BadRecording, Busy, BadState, NotController, IoError, DiskFull
         """
         return self._call("recording.annotate", {"name": name, "text": text, "time_s": time_s})
+
+    def average(self, name: str) -> RecordingAverage:
+        """The mean over the passes of the protocol's averaged repeat, but the first, as a new recording.
+
+        Parameters
+        ----------
+        name
+            of a recording
+
+        Raises
+        ------
+        InvalidParams, NotFound, BadRecording, LimitExceeded, Busy, NotController, IoError, DiskFull
+        """
+        return self._call("recording.average", {"name": name})
 
     def compare(self, a: str, b: str) -> RecordingCompare:
         """Two recordings: rms, maximum and first difference of each channel, and what else differs.
