@@ -12,8 +12,8 @@ namespace ferrobench::recordings {
 // plane.
 double loop_integral(std::span<const double> x, std::span<const double> y);
 
-// The area between the way out and the way back, if x goes from one end to the other and back once, wherever it
-// begins (the parts of a figure eight add up); else the integral above without its sign.
+// The area between the way out and the way back, if x goes from one end to the other and back once, wherever
+// it begins (the parts of a figure eight add up); else the integral above without its sign.
 double enclosed_area(std::span<const double> x, std::span<const double> y);
 // The part of it from where both ways have values of y that differ by less than `limit`.
 double thin_area(std::span<const double> x, std::span<const double> y, double limit);
