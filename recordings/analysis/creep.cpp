@@ -133,6 +133,37 @@ std::optional<Estimate> creep_after(const Recording& recording, const Signal& si
   return signal.estimate(reading - start);
 }
 
+std::vector<CreepCurve> creep_curves(const Recording& r, const Signal& signal,
+                                     const std::vector<BiasSine>& sines) {
+  constexpr std::size_t most = 16;
+  constexpr double bins = 40;  // in a decade
+  auto holds = long_holds(r, sines);
+  if (holds.size() > most) holds.resize(most);
+  std::vector<CreepCurve> out;
+  for (const auto& hold : holds) {
+    auto& curve = out.emplace_back(CreepCurve{.hold = hold, .time = {}, .change = {}});
+    const double start = edge_reading(r, signal, hold.first, hold.last - hold.first + 1, false).value;
+    std::vector<double> times, values;
+    double bin = NAN;
+    const auto close = [&] {
+      if (times.empty()) return;
+      curve.time.push_back(mean(times));
+      curve.change.push_back(mean(values) - start);
+      times.clear();
+      values.clear();
+    };
+    for (std::size_t i = hold.first + 1; i <= hold.last; ++i) {
+      const double t = r.time[i] - r.time[hold.first];
+      if (std::floor(bins * std::log10(t)) != bin) close();
+      bin = std::floor(bins * std::log10(t));
+      times.push_back(t);
+      values.push_back(signal.values[i]);
+    }
+    close();
+  }
+  return out;
+}
+
 std::vector<double> reading_times(const Recording& recording, const std::vector<Hold>& holds) {
   double from = INFINITY, to = 0;
   for (const auto& hold : holds) {

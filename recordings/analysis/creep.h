@@ -45,6 +45,14 @@ Creep measure_creep(const Recording& recording, const Signal& signal, const Hold
 // between the two next samples. None where the hold does not go on for so long, or there is a gap.
 std::optional<Estimate> creep_after(const Recording& recording, const Signal& signal, const Hold& hold,
                                     double seconds);
+// The same as a curve to draw: means over fortieths of a decade of the time since the start; at most 16
+// holds.
+struct CreepCurve {
+  Hold hold;
+  std::vector<double> time, change;  // s, and in the signal's unit; NaN across a gap
+};
+std::vector<CreepCurve> creep_curves(const Recording& recording, const Signal& signal,
+                                     const std::vector<BiasSine>& sines);
 // 1, 2 and 5 of every decade [s], from three samples after the start of a hold on, for all of these holds.
 std::vector<double> reading_times(const Recording& recording, const std::vector<Hold>& holds);
 

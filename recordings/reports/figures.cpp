@@ -19,7 +19,7 @@ namespace ferrobench::recordings {
 namespace {
 
 constexpr std::size_t pixels = 1200;
-constexpr std::size_t most_curves = 16, most_cycles = 12;
+constexpr std::size_t most_cycles = 12;
 
 std::vector<double> scaled(std::vector<double> values, double unit) {
   for (auto& v : values) v /= unit;
@@ -53,30 +53,6 @@ bool is_stepped(const std::vector<double>& field) {
   return high - low > rests * std::max(std::abs(low), std::abs(high));
 }
 
-// Change since the start of the hold against the time since, averaged over a fortieth of a decade.
-Series creep_curve(const Recording& r, const Signal& signal, const Hold& hold, double unit) {
-  Series out{.label = (hold.label.empty() ? "hold " + std::to_string(hold.number) : hold.label) + ": " +
-                      number_text(hold.level / volts_per_m_in_kv_per_mm) + " kV/mm",
-             .points = {}};
-  const double start = edge_reading(r, signal, hold.first, hold.last - hold.first + 1, false).value;
-  std::vector<double> times, values;
-  double bin = NAN;
-  const auto close = [&] {
-    if (!times.empty()) out.points.push_back({mean(times), (mean(values) - start) / unit});
-    times.clear();
-    values.clear();
-  };
-  for (std::size_t i = hold.first + 1; i <= hold.last; ++i) {
-    const double t = r.time[i] - r.time[hold.first];
-    if (std::floor(40 * std::log10(t)) != bin) close();
-    bin = std::floor(40 * std::log10(t));
-    times.push_back(t);
-    values.push_back(signal.values[i]);
-  }
-  close();
-  return out;
-}
-
 void add_creep(const Analysis& analysis, const Signal& signal, double unit, const std::string& name,
                const std::string& unit_name, std::vector<Figure>& figures) {
   Figure figure{.title = "Creep of the " + name,
@@ -85,9 +61,14 @@ void add_creep(const Analysis& analysis, const Signal& signal, double unit, cons
                 .log_x = true,
                 .square = true,
                 .series = {}};
-  auto holds = long_holds(analysis.recording, analysis.sines());
-  if (holds.size() > most_curves) holds.resize(most_curves);
-  for (const auto& hold : holds) figure.series.push_back(creep_curve(analysis.recording, signal, hold, unit));
+  for (const auto& curve : creep_curves(analysis.recording, signal, analysis.sines())) {
+    const auto& hold = curve.hold;
+    auto& series = figure.series.emplace_back();
+    series.label = (hold.label.empty() ? "hold " + std::to_string(hold.number) : hold.label) + ": " +
+                   number_text(hold.level / volts_per_m_in_kv_per_mm) + " kV/mm";
+    for (std::size_t i = 0; i < curve.time.size(); ++i)
+      series.points.push_back({curve.time[i], curve.change[i] / unit});
+  }
   if (!figure.series.empty()) figures.push_back(std::move(figure));
 }
 

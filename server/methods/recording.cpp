@@ -63,7 +63,9 @@ void describe(Visitor& visit, ReadParams& p) {
       "axes", p.axes,
       {.doc =
            "two of time and the channels, for example field and displacement: curves cycle by cycle, thinned "
-           "by their length in these axes; absent: every channel against time"});
+           "by their length in these axes; time_in_hold and a channel: the change since the start of each "
+           "long "
+           "hold; absent: every channel against time"});
   visit("pixels", p.pixels,
         {.min = 10, .max = 10000, .doc = "of the picture's sides: curves are true to half of one"});
 }

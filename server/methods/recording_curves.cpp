@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "recordings/analysis/creep.h"
 #include "recordings/analysis/loops.h"
 #include "recordings/analysis/parts.h"
 #include "recordings/analysis/segments.h"
@@ -16,20 +17,17 @@ namespace {
 using nlohmann::json;
 using recordings::Recording;
 
-constexpr std::string_view time_axis = "time";
+constexpr std::string_view time_axis = "time", hold_axis = "time_in_hold";
 constexpr std::size_t most_cycles = 40;
 
 std::vector<std::string> axes_there(const Recording& r) {
-  std::vector<std::string> out{std::string(time_axis)};
+  std::vector<std::string> out{std::string(time_axis), std::string(hold_axis)};
   for (const auto channel : recordings::all_channels)
     if (r.has(channel)) out.emplace_back(channel_name(channel));
   return out;
 }
 
-const std::vector<double>& column(const Recording& r, const std::string& axis, std::size_t number) {
-  if (axis == time_axis) return r.time;
-  for (const auto channel : recordings::all_channels)
-    if (axis == channel_name(channel) && r.has(channel)) return r.at(channel);
+[[noreturn]] void refuse(const Recording& r, const std::string& axis, std::size_t number) {
   throw Error(ErrorCode::invalid_params, "the recording has no such axis",
               Problem{.path = "/axes/" + std::to_string(number),
                       .message = "is no column of this recording",
@@ -37,13 +35,43 @@ const std::vector<double>& column(const Recording& r, const std::string& axis, s
                       .allowed = axes_there(r)});
 }
 
+std::optional<recordings::Channel> channel_of(const Recording& r, const std::string& axis) {
+  for (const auto channel : recordings::all_channels)
+    if (axis == channel_name(channel) && r.has(channel)) return channel;
+  return std::nullopt;
+}
+const std::vector<double>& column(const Recording& r, const std::string& axis, std::size_t number) {
+  if (axis == time_axis) return r.time;
+  if (const auto channel = channel_of(r, axis)) return r.at(*channel);
+  refuse(r, axis, number);
+}
+
+json value(double v) {
+  return std::isfinite(v) ? json(v) : json(nullptr);
+}
 json values(const std::vector<double>& column, std::size_t first, const std::vector<std::size_t>& kept) {
   json out = json::array();
-  for (const auto i : kept) {
-    const double v = column[first + i];
-    out.push_back(std::isfinite(v) ? json(v) : json(nullptr));
-  }
+  for (const auto i : kept) out.push_back(value(column[first + i]));
   return out;
+}
+json values(const std::vector<double>& column) {
+  json out = json::array();
+  for (const double v : column) out.push_back(value(v));
+  return out;
+}
+
+// Hold by hold, the change since its start.
+json creep_of(const Recording& r, const std::string& axis) {
+  const auto channel = channel_of(r, axis);
+  if (!channel) refuse(r, axis, 1);
+  json curves = json::array();
+  for (const auto& curve : creep_curves(r, signal(r, *channel), recordings::bias_sines(r)))
+    curves.push_back({{"label", curve.hold.label},
+                      {"cycle", nullptr},
+                      {"level", curve.hold.level},
+                      {"x", values(curve.time)},
+                      {"y", values(curve.change)}});
+  return {{"rows", r.size()}, {"axes", {hold_axis, axis}}, {"curves", std::move(curves)}};
 }
 
 double range(std::span<const double> values) {
@@ -68,6 +96,7 @@ json curves_of(const Recording& r, const std::vector<std::string>& axes, std::si
                         .given = axes,
                         .allowed = axes_there(r),
                         .hint = "for example [\"field\", \"displacement\"]"});
+  if (axes[0] == hold_axis) return creep_of(r, axes[1]);
   const auto &x = column(r, axes[0], 0), &y = column(r, axes[1], 1);
   const auto x_part = std::span(x).subspan(first, rows), y_part = std::span(y).subspan(first, rows);
   const auto width = static_cast<double>(pixels);
@@ -122,9 +151,10 @@ json curves_schema() {
   using namespace schema;
   const auto points = list_of(or_null(number("", "in SI; null where nothing was measured")));
   auto out = stretches();
-  const auto curves = list_of(object({{"label", text("\"\" outside of every cycle")},
+  const auto curves = list_of(object({{"label", text("of the cycle or the hold; \"\" outside of both")},
                                       {"cycle", or_null(whole("from 1"))},
                                       {"rate", number("V/m/s", "of the longest ramp")},
+                                      {"level", number("V/m", "of a hold")},
                                       {"frequency_Hz", number("Hz", "one over the cycle's duration")},
                                       {"x", points},
                                       {"y", points}}));

@@ -97,6 +97,14 @@ function perPixel(c, px) {
 // Scales are set by redraw() alone.
 const asTold = (_, low, high) => [low ?? 1, high ?? 2];
 
+// Grid lines of a logarithmic axis: 1, 2, ... 9 of every decade. uPlot's own begin at the axis's end, wherever that is.
+function decades(u, axis, low, high) {
+  const out = [];
+  for (let decade = Math.floor(Math.log10(low)); 10 ** decade <= high; ++decade)
+    for (let digit = 1; digit < 10; ++digit) out.push(Number(`${digit}e${decade}`));
+  return out.filter((value) => value >= low && value <= high);
+}
+
 export class Chart {
   #frame;
   #legend = element("span", { class: "legend" });
@@ -134,7 +142,7 @@ export class Chart {
         bind: { dblclick: () => () => this.zoomTo(null, null) },
       },
       scales: { x: { time: false, auto: false, range: asTold, distr: log ? 3 : 1 }, y: { auto: false, range: asTold } },
-      axes: [axis(label(x), 22), axis(height < 180 ? y.unit : label(y), 58)],
+      axes: [{ ...axis(label(x), 22), ...(log ? { splits: decades } : {}) }, axis(height < 180 ? y.unit : label(y), 58)],
       series: [{}, { paths: () => null, points: { show: false } }],
       hooks: { draw: [(u) => this.#draw(u)], setSelect: [(u) => this.#selected(u)], setCursor: [(u) => this.#pointed(u)] },
     }, [[0, 1], [0, 1]], this.#frame);

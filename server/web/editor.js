@@ -142,13 +142,19 @@ export class Editor {
     });
     const row = element("div", { class: "segment", "data-segment": path, onfocusin: () => this.path !== path && this.choose(path), onclick: () => this.path !== path && this.choose(path) },
       element("span", { class: "place" }, String(i + 1)), kind,
-      element("div", { class: "segment-fields" }, ...Object.entries(known?.properties ?? {}).filter(([key]) => !["kind", "segments"].includes(key)).map(([key, info]) => this.#field(s, path, key, info, known))),
+      element("div", { class: "segment-fields" }, ...this.#fields(s, known).map(([key, info]) => this.#field(s, path, key, info, known))),
       element("div", { class: "segment-tools" },
         button("↑", move(-1), { disabled: i === 0, "aria-label": "Move up" }), button("↓", move(1), { disabled: i + 1 === length, "aria-label": "Move down" }),
         button("+", () => this.#change((p) => lookup(p, parent).splice(i + 1, 0, structuredClone(s))), { "aria-label": "Repeat this row below" }),
         button("×", () => this.#change((p) => lookup(p, parent).splice(i, 1)), { disabled: length === 1, "aria-label": "Remove" })));
     if (!s.segments) return row;
     return element("div", { class: "nest" }, row, element("div", { class: "nested" }, ...this.#list(s.segments, `${path}/segments`), this.#add(`${path}/segments`)));
+  }
+
+  // What is given or must be first, what may be after it.
+  #fields(s, known) {
+    const unused = ([key]) => Number(s[key] === undefined && !known.then.required?.includes(key));
+    return Object.entries(known?.properties ?? {}).filter(([key]) => !["kind", "segments"].includes(key)).sort((a, b) => unused(a) - unused(b));
   }
 
   #field(s, path, key, info, known) {
@@ -165,6 +171,8 @@ export class Editor {
     if (info.enum) {
       input = element("select", { "data-path": pointer, onchange: (e) => put(e.target.value || undefined) }, ...["", ...info.enum].map((o) => element("option", { value: o }, o || "usual")));
       input.value = value ?? "";
+    } else if (info.type === "boolean") {
+      input = element("input", { type: "checkbox", checked: value === true, "data-path": pointer, onchange: (e) => put(e.target.checked || undefined) });
     } else if (Array.isArray(value) || info.type === "array") {
       input = element("input", { value: value ? showList(value) : "", "data-path": pointer, size: 26, onchange: (e) => put(e.target.value.trim() ? readList(e.target.value) : undefined) });
     } else {

@@ -24,23 +24,6 @@ function inColour(answer, prefix) {
 
 const oneColour = (answer, name, k) => answer.curves.map((c, i) => ({ name: i ? "" : name, x: c.x, y: c.y, colour: () => kindColour(k) }));
 
-// Change since the start of each hold against the time since.
-function creepCurves(columns, key, holds) {
-  const { time } = columns;
-  const values = columns[key];
-  return holds.map(({ start_s: from, end_s: to, name }, k) => {
-    const first = time.findIndex((t) => t >= from);
-    const x = [];
-    const y = [];
-    for (let i = first + 1; first >= 0 && i < time.length && time[i] <= to; ++i) {
-      if (values.first[i] === null) continue;
-      x.push(time[i] - from);
-      y.push(values.first[i] - values.first[first]);
-    }
-    return { name, x, y, colour: () => orderColour(holds.length > 1 ? k / (holds.length - 1) : 0) };
-  }).filter((c) => c.x.length > 2);
-}
-
 const curvesOf = (rpc, name, axes) => rpc.call("recording.read", { name, axes, max_points: 20000 });
 
 // The loops of one recording, cycle by cycle, into its charts.
@@ -120,25 +103,25 @@ export class RecordingView {
       chart.stretches = rows.map((s) => ({ from: s.start_s, to: s.end_s }));
       chart.redraw();
     }
-    this.#creep(columns, rows, info.specimen);
-    await drawLoops(this.rpc, name, charts, columns, current);
+    await Promise.all([this.#creep(name, columns, info.specimen, current), drawLoops(this.rpc, name, charts, columns, current)]);
   }
 
-  #creep(columns, rows, specimen) {
-    const holds = rows.filter((s) => s.kind === "hold").map((s, i) => ({ ...s, name: `${s.label || `hold ${i + 1}`}: ${quantity(s.level, "V/m")}` }));
-    const longest = Math.max(0, ...holds.map((h) => h.end_s - h.start_s));
-    const long = holds.filter((h) => h.end_s - h.start_s >= longest / 2).slice(0, 16);
+  // Change since the start of each long hold, against the time since.
+  async #creep(name, columns, specimen, current) {
     const section = this.place.querySelector(".creep");
-    for (const channel of shownChannels(specimen).filter((c) => c.key === "displacement" || c.key === "charge")) {
-      if (!columns[channel.key]) continue;
-      const curves = creepCurves(columns, channel.key, long);
+    const channels = shownChannels(specimen).filter((c) => (c.key === "displacement" || c.key === "charge") && columns[c.key]);
+    const answers = await Promise.all(channels.map((c) => curvesOf(this.rpc, name, ["time_in_hold", c.key])));
+    if (!current()) return;
+    for (const [i, channel] of channels.entries()) {
+      const { curves } = answers[i];
       if (!curves.length) continue;
       section.hidden = false;
       const chart = new Chart(section.querySelector(".plots"), {
         title: `Creep of the ${channel.name}`, x: { name: "time since the start of the hold", unit: "s", factor: 1 },
         y: { ...channel, name: `${channel.name} change` }, height: 280, log: true, loop: false, legend: true });
       this.charts.push(chart);
-      chart.set(curves);
+      chart.set(curves.map((c, k) => ({ name: `${c.label || `hold ${k + 1}`}: ${quantity(c.level, "V/m")}`, x: c.x, y: c.y,
+        colour: () => orderColour(curves.length > 1 ? k / (curves.length - 1) : 0) })));
     }
   }
 

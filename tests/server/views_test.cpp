@@ -82,6 +82,33 @@ TEST_F(Views, CurvesOfASweepAreTrueToTheSamples) {
   EXPECT_LE(worst, 0.5 / 200 * 1.001);
 }
 
+// From the first sample of a hold on, however long it is.
+TEST_F(Views, CreepIsDrawnFromTheStartOfEachHold) {
+  auto program = trapezium(0.1, 20);
+  program["segments"][0]["to"] = -0.5;
+  program["start"] = 0.5;
+  const auto name = recorded({{"protocol", program}, {"fast", true}});
+  const auto read = call("recording.read", {{"name", name}, {"axes", {"time_in_hold", "displacement"}}});
+  ASSERT_EQ(read["curves"].size(), 1u);
+  const auto& curve = read["curves"][0];
+  EXPECT_EQ(curve["label"], "the hold");
+  EXPECT_EQ(curve["level"], -0.5e6);
+  const auto r = recordings::read_recording(engine.store().recording(name).string());
+  const auto first = static_cast<std::size_t>(r.segments[1].start_sample);
+  const auto& x = r.at(Channel::displacement);
+  EXPECT_NEAR(curve["x"][0].get<double>(), 1.0 / 200, 1e-9);
+  EXPECT_GT(curve["x"].size(), 60u);
+  EXPECT_LT(curve["x"].size(), 200u);
+  const auto [low, high] = std::ranges::minmax(x);
+  for (std::size_t k = 0; k < curve["x"].size(); ++k) {
+    const auto at = first + static_cast<std::size_t>(std::lround(curve["x"][k].get<double>() * 200));
+    EXPECT_NEAR(curve["y"][k].get<double>(), x[at] - x[first], 0.01 * (high - low)) << k;
+  }
+  EXPECT_EQ(
+      refusal("recording.read", {{"name", name}, {"axes", {"time_in_hold", "time"}}}).problems().at(0).path,
+      "/axes/1");
+}
+
 TEST_F(Views, AxesThatAreNotThereAreRefused) {
   const auto name = recorded({{"protocol", sweep}, {"fast", true}});
   const auto error = refusal("recording.read", {{"name", name}, {"axes", {"field", "warmth"}}});

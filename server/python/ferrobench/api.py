@@ -468,7 +468,8 @@ class RecordingReadCommand(TypedDict, total=False):
 class RecordingReadCurve(TypedDict, total=False):
     cycle: int | None  # from 1
     frequency_Hz: float  # [Hz] one over the cycle's duration
-    label: str  # "" outside of every cycle
+    label: str  # of the cycle or the hold; "" outside of both
+    level: float  # [V/m] of a hold
     rate: float  # [V/m/s] of the longest ramp
     x: list[float | None]
     y: list[float | None]
@@ -1581,7 +1582,8 @@ class RecordingArea(Area):
             2000
         axes
             two of time and the channels, for example field and displacement: curves cycle by cycle, thinned by
-            their length in these axes; absent: every channel against time
+            their length in these axes; time_in_hold and a channel: the change since the start of each long hold;
+            absent: every channel against time
         pixels
             of the picture's sides: curves are true to half of one; at least 10; at most 10000; default 1000
 

@@ -118,6 +118,22 @@ export async function readsCreep({ page, reports }) {
   reports.creep = await html(page);
 }
 
+// A repeat is recorded whole, the report has its mean, and the page makes a recording of that.
+export async function averagesARepeat({ page }) {
+  const passes = { kind: "repeat", count: 4, average: true, segments: [{ kind: "triangle", low: -1, high: 1, rate: 10, sample_rate_Hz: 1000 }, { kind: "hold", time: 10, readings_per_decade: 20 }] };
+  const name = await record(page, { format: "ferrobench-protocol", version: 1, name: "passes", title: "Passes", unit: "kV/mm", sample_rate_Hz: 100, segments: [passes] });
+  await openRecording(page, name);
+  assert.equal(await page.locator("#recording .report-table", { hasText: "Mean of passes 2 to 4" }).locator("tbody tr").count(), 1);
+  await page.locator("#recording").getByRole("button", { name: "Average", exact: true }).click();
+  await page.locator("#recording-title", { hasText: "Passes, mean of passes 2 to 4" }).waitFor();
+  assert.equal(await page.locator("#recording").getByRole("button", { name: "Average", exact: true }).count(), 0, "a mean has no repeat");
+  const mean = decodeURIComponent(new URL(page.url()).hash.split("/")[1]);
+  const { rows, duration_s: length } = await call(page, "recording.info", { name: mean });
+  assert.ok(Math.abs(length - 10.4) < 0.01, `${length} s`);
+  assert.ok(rows > 440 && rows < 600, `${rows} samples of 10,401`);
+  for (const each of [mean, name]) await call(page, "recording.delete", { name: each });
+}
+
 // Every view opens by its address, an address that leads nowhere is said to, and the way back leads back.
 export async function followsAddresses({ page, daemon }) {
   await open(page, "recordings");
