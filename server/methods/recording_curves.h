@@ -10,8 +10,8 @@
 namespace ferrobench::server {
 
 // `axes`: two of "time" and the channels, or "time_in_hold" and a channel: the change since the start of each
-// long hold, of the whole recording (creep.h). Rows first .. first + rows - 1, at most `most` points in all. The
-// points left out lie within `chord_error` of the line, as a share of the axes' ranges: half of one of
+// long hold, of the whole recording (creep.h). Rows first .. first + rows - 1, at most `most` points in all.
+// The points left out lie within `chord_error` of the line, as a share of the axes' ranges: half of one of
 // `pixels`, more only where that many points do not do. Error(invalid_params) for other axes.
 nlohmann::json curves_of(const recordings::Recording& recording, const std::vector<std::string>& axes,
                          std::size_t first, std::size_t rows, std::size_t pixels, std::size_t most);
