@@ -5,6 +5,7 @@
 #include <iostream>
 #include <utility>
 
+#include "base/number_text.h"
 #include "base/visible.h"
 #include "recordings/file/reader.h"
 #include "server/cli/link.h"
@@ -49,9 +50,11 @@ void print_result(const json& result) {
   std::printf("%-38s %11s %11s   %-23s %s\n", "parameter", "from", "to", "95 % interval", "");
   for (const auto& p : result.at("parameters")) {
     std::string interval, remark;
-    if (p.contains("interval"))
-      interval = fmt::format("{:.4g} to {:.4g}", p.at("interval").at(0).get<double>(),
-                             p.at("interval").at(1).get<double>());
+    if (p.contains("interval")) {
+      const auto& ends = p.at("interval");
+      const auto [low, high] = interval_text(ends.at(0).get<double>(), ends.at(1).get<double>());
+      interval = low + " to " + high;
+    }
     if (p.at("at_bound").get<bool>())
       remark = fmt::format("AT ITS BOUND ({:.3g} to {:.3g})", p.at("low").get<double>(),
                            p.at("high").get<double>());

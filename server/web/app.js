@@ -103,7 +103,8 @@ async function finished(status) {
     await drawLoops(rpc, name, live.charts, columns, () => live.run === status.run);
     byId("live").dataset.recorded = name;
   } catch (error) {
-    showError("The recording could not be read.", error);
+    // What a wait of the queue has seen is not kept, and any recording may be deleted meanwhile.
+    if (error.label !== "not_found") showError("The recording could not be read.", error);
   }
 }
 

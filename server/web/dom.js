@@ -25,6 +25,13 @@ export function number(value, digits = 4) {
   return String(Number(value.toPrecision(digits))).replace("-", "−");
 }
 
+// With as many digits as tell its ends apart.
+export function interval([low, high]) {
+  const apart = Math.max(Math.abs(low), Math.abs(high)) / (high - low);
+  const digits = apart > 0 && Number.isFinite(apart) ? Math.min(Math.max(Math.ceil(Math.log10(apart)) + 2, 4), 15) : 4;
+  return `${number(low, digits)} to ${number(high, digits)}`;
+}
+
 // "41.59(4)": with the standard uncertainty in units of the last digit, two digits of it where the first is 1 or 2.
 export function withUncertainty(value, uncertainty) {
   if (!Number.isFinite(value) || !(uncertainty > 0)) return number(value);

@@ -1,6 +1,6 @@
 // A model beside a measurement: simulated on it with the residual below, fitted to it, and searched for what it misses.
 import { Chart, TimeGroup, colour, download, kindColour } from "./chart.js";
-import { button, byId, element, facts, number, shownChannels, timeAxis } from "./dom.js";
+import { button, byId, element, facts, interval, number, shownChannels, timeAxis } from "./dom.js";
 import { clearErrors, showError } from "./errors.js";
 import { reportTable } from "./tables.js";
 
@@ -113,7 +113,7 @@ export class ModelView {
   }
 
   #fitted(result, name) {
-    const rows = (result.parameters ?? []).map((p) => ({ ...p, interval: p.interval ? `${number(p.interval[0])} to ${number(p.interval[1])}` : "–", remark: p.at_bound ? "at its bound" : p.determined === false ? "not determined" : "" }));
+    const rows = (result.parameters ?? []).map((p) => ({ ...p, interval: p.interval ? interval(p.interval) : "–", remark: p.at_bound ? "at its bound" : p.determined === false ? "not determined" : "" }));
     const left = Object.entries(result.after ?? {}).map(([what, after]) => ({ what, before: result.before[what], after }));
     return [
       element("p", {}, result.stopped ? "Stopped: the best so far." : "Fitted.", name ? ` Kept as ${name}.` : ""),
@@ -143,7 +143,7 @@ export class ModelView {
     const parameters = d.added.flatMap((a) => Object.entries(a.parameters ?? {}).map(([key, value]) => ({
       term: `${String(a.id).replaceAll("_", " ")}${a.empirical ? " (empirical)" : ""}`, equation: effects.get(a.id)?.equation ?? "–",
       parameter: key.replaceAll("_", " "), value, unit: effects.get(a.id)?.parameters.find((p) => p.name === key)?.unit ?? "–",
-      interval: a.intervals?.[key] ? `${number(a.intervals[key][0])} to ${number(a.intervals[key][1])}` : "–", share: percent(a.share), proof: percent(a.share_held_out) })));
+      interval: a.intervals?.[key] ? interval(a.intervals[key]) : "–", share: percent(a.share), proof: percent(a.share_held_out) })));
     const verdict = element("dl", { class: "facts" });
     facts(verdict, [["Verdict", String(d.verdict).replaceAll("_", " ")], ["Explained", `${percent(d.share)}, locked away ${percent(d.share_held_out)}`],
       ["Unknown", percent(d.probability_unknown)], ["Nothing missing", percent(d.probability_nothing)]]);

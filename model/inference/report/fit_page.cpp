@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "base/number_text.h"
 #include "model/inference/report/picture_axis.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/plot.h"
@@ -44,8 +45,9 @@ Table parameter_table(const FitResult& result) {
       {"low", "from", "95 %"},        {"high", "to", "95 %"}, {"remark", "", ""}};
   for (const auto& p : result.parameters) {
     const auto unit = parameter_unit(p.free.path);
-    out.rows.push_back({p.free.path, unit == "1" ? "" : unit, number(p.from), number(p.to), number(p.low),
-                        number(p.high), remark(p)});
+    const auto [low, high] = interval_text(p.low, p.high);
+    out.rows.push_back(
+        {p.free.path, unit == "1" ? "" : unit, number(p.from), number(p.to), low, high, remark(p)});
   }
   out.notes = {
       "The interval allows for errors that stay the same over many samples, as those of a model do that is "
