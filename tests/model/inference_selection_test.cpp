@@ -92,6 +92,24 @@ TEST(Verdict, NamesNothingThatLeavesHalf) {
   EXPECT_NEAR(probability_of_unknown(options.material_share, options), 0.5, 1e-12);
 }
 
+// Where a fit comes below the noise that was estimated, the noise is less, and what a single effect leaves
+// above that fit may be a second one.
+TEST(Verdict, NamesAPairThatComesBelowTheNoise) {
+  for (const double left : {10.0, 400.0}) {  // of the pair, by all that could still be added to it
+    auto forward = insufficient(0, 0.9);
+    forward.trials[0].fit.squares = 0.97 * samples;
+    auto pair = forward.trials[0];
+    pair.effects.push_back(forward.trials[1].effects[0]);
+    pair.fit.squares = 0.4 * samples;
+    pair.left = left;
+    forward.trials[0].left = 0.5 * samples;
+    forward.trials.push_back(std::move(pair));
+    const auto found = judged(forward);
+    EXPECT_EQ(found.verdict, Verdict::named);
+    EXPECT_EQ(found.trials.front().first->effects.size(), left < 0.1 * samples ? 2U : 1U) << left;
+  }
+}
+
 TEST(Verdict, DoubtsWhatIsNotPlausible) {
   for (const double fraction : {0.72, -0.72, 0.001}) {
     const auto forward = one(trial("prestress_relaxation", {fraction, 10}, 0.1));

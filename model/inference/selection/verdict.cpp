@@ -77,11 +77,6 @@ double rises_at_detection(const SelectionOptions& options, double drop) {
   return logistic((drop - options.detection) / (options.detection_width * options.detection));
 }
 
-// What is left of a sum of squares above the noise's; less than its own standard deviation is not seen.
-double excess_of(double squares, double samples) {
-  return std::max(squares - samples, std::sqrt(2 * samples));
-}
-
 // An explanation that leaves more than noise, and the smallest share that any of its effects has.
 struct Graded {
   const Trial* trial = nullptr;
@@ -89,9 +84,15 @@ struct Graded {
 };
 
 // The best explanation where none is sufficient: the single effect that leaves least, or a pair if its second
-// effect takes a material share of what the best single one leaves.
+// effect takes a material share of what the best single one leaves. A fit that comes below the noise says
+// that the noise was taken for too much, as it is where it is less than simulations resolve: what is left
+// counts from that fit then, and is no less than what was seen to remain of it.
 Graded best_of_insufficient(const ForwardSelection& found, const SelectionOptions& options, double samples) {
-  const double before = excess_of((1 + found.excess) * samples, samples);
+  double noise = samples;
+  for (const auto& t : found.trials)
+    if (is_believable(t, options)) noise = std::min(noise, t.fit.squares);
+  const double unseen = std::sqrt(2 * samples);  // the standard deviation of a sum of squares that is noise
+  const double before = std::max((1 + found.excess) * samples - noise, unseen);
   const auto least = [&](std::size_t effects) {
     const Trial* best = nullptr;
     for (const auto& t : found.trials)
@@ -100,7 +101,9 @@ Graded best_of_insufficient(const ForwardSelection& found, const SelectionOption
         best = &t;
     return best;
   };
-  const auto left = [&](const Trial* t) { return excess_of(t->fit.squares, samples); };
+  const auto left = [&](const Trial* t) {
+    return std::max({t->fit.squares - noise, t->checked ? t->left : 0, unseen});
+  };
   const Trial *single = least(1), *pair = least(2);
   Graded out;
   if (single != nullptr) out = {single, 1 - left(single) / before};
