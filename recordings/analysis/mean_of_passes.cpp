@@ -129,17 +129,19 @@ nlohmann::json protocol_of_a_pass(const nlohmann::json& protocol, const Waveform
 }
 
 // What was visited before a piece; a bent one as chords, an eighth of a turn each.
-std::vector<protocols::VisitedLevel> visited_before(const Waveform& program, std::size_t end) {
+// Unknown where that is too much to be gone through again.
+protocols::Past before_piece(const protocols::Past& past, const Waveform& program, std::size_t end) {
   std::vector<protocols::VisitedLevel> out;
   for (std::size_t k = 0; k < end; ++k) {
     const auto& piece = program.pieces()[k];
     const double turns = piece.kind == protocols::PieceKind::sine ? piece.frequency * piece.duration : 0;
-    const auto chords = std::max(1.0, std::ceil(8 * turns));
-    if (static_cast<double>(out.size()) + chords > protocols::most_visited_levels) return {};
-    for (double c = 1; c <= chords; ++c)
-      out.push_back({piece.value(piece.start + piece.duration * c / chords), piece.duration / chords});
+    const double wanted = std::max(1.0, std::ceil(8 * turns));
+    if (static_cast<double>(out.size()) + wanted > protocols::most_visited_levels) return {};
+    const auto chords = static_cast<int>(wanted);
+    const double each = piece.duration / chords;
+    for (int c = 1; c <= chords; ++c) out.push_back({piece.value(piece.start + each * c), each});
   }
-  return out;
+  return and_then(past, out);
 }
 
 }  // namespace
@@ -183,7 +185,7 @@ std::optional<MeanOfPasses> mean_of_passes(const Recording& r) {
   mean.header.run_seed.reset();
   const auto& lead_piece = program->pieces()[begin[lead.number - 1]];
   mean.header.protocol = protocol_of_a_pass(r.header.protocol, *program, lead_piece.from);
-  mean.header.past = and_then(r.header.past, visited_before(*program, begin[lead.number - 1]));
+  mean.header.past = before_piece(r.header.past, *program, begin[lead.number - 1]);
   mean.header.device["mean_of"] = {
       {"source_identifier", r.header.entry_identifier}, {"passes", out.passes}, {"left_out", out.left_out}};
   for (auto i = first; i <= last; ++i) mean.time.push_back(r.time[i] - r.time[first]);

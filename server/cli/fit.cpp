@@ -53,7 +53,7 @@ void print_result(const json& result) {
     if (p.contains("interval")) {
       const auto& ends = p.at("interval");
       const auto [low, high] = interval_text(ends.at(0).get<double>(), ends.at(1).get<double>());
-      interval = low + " to " + high;
+      interval = fmt::format("{} to {}", low, high);
     }
     if (p.at("at_bound").get<bool>())
       remark = fmt::format("AT ITS BOUND ({:.3g} to {:.3g})", p.at("low").get<double>(),

@@ -161,6 +161,7 @@ SampleBlock block_of(std::uint64_t first, std::size_t rows) {
   SampleBlock block;
   block.first_sample = first;
   block.rows = rows;
+  block.counts.reserve(2 * rows);
   for (std::size_t i = 0; i < rows; ++i)
     for (const auto column : {0, 1})
       block.counts.push_back(static_cast<std::int16_t>(2 * (first + i) + column));
