@@ -35,6 +35,7 @@ bench_processes() {
     fi
   done
 }
+lets_go() { [ -z "$(ls "/proc/$1/fd" 2>/dev/null)" ]; }
 has_rows() { "$program" call run.status | grep -q '"rows_on_disk": [1-9]'; }
 
 start
@@ -45,6 +46,7 @@ bench=$(bench_processes)
 [ -n "$bench" ] || fail "no process holds the voltage"
 kill -KILL "$daemon" $bench
 wait "$daemon" 2>/dev/null || true
+until_true lets_go $bench  # what waits for the disk dies once the disk has answered
 
 start
 grep -q "^recovered creep-6-holds-fast" "$DATA/log" || fail "the daemon did not recover it"
