@@ -2,33 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
-#include "base/error.h"
-#include "protocols/protocol.h"
+#include "recordings/analysis/program.h"
 
 namespace ferrobench::recordings {
-namespace {
-
-// None for a protocol without small_signal segments, whose sines alone ask for a sampling rate, and for what
-// is no protocol.
-std::optional<protocols::Waveform> small_signal_program(const nlohmann::json& protocol) {
-  if (!protocol.is_object()) return std::nullopt;
-  try {
-    auto program = protocols::Protocol::from_json(protocol).expand();
-    if (program.sampling() > 0) return program;
-  } catch (const Error&) {
-  }
-  return std::nullopt;
-}
-
-}  // namespace
-
 std::vector<BiasSine> bias_sines(const Recording& r) {
   std::vector<BiasSine> out;
   if (r.size() < fewest_in_sine) return out;
-  const auto program = small_signal_program(r.header.protocol);
-  if (!program) return out;
+  const auto program = program_of(r.header.protocol);
+  if (!program || program->sampling() == 0) return out;  // sines on a bias alone ask for a sampling rate
   auto approach = Approach::none;
   const auto pieces = program->pieces();
   for (std::size_t k = 0; k < std::min(pieces.size(), r.segments.size()); ++k) {

@@ -4,28 +4,16 @@
 #include <cmath>
 #include <span>
 
-#include "base/error.h"
 #include "base/number_text.h"
 #include "protocols/protocol.h"
 #include "recordings/analysis/clipping.h"
+#include "recordings/analysis/program.h"
 #include "recordings/format/iso_time.h"
 
 namespace ferrobench::recordings {
 namespace {
 
-using protocols::Protocol;
 using protocols::Waveform;
-
-// None for what is no protocol, and for one that averages nothing.
-std::optional<Waveform> averaged_program(const nlohmann::json& protocol) {
-  if (!protocol.is_object()) return std::nullopt;
-  try {
-    auto program = Protocol::from_json(protocol).expand();
-    if (program.averaged()) return program;
-  } catch (const Error&) {
-  }
-  return std::nullopt;
-}
 
 // A pass as it was played: the samples of its corners, one more than it has segments.
 struct Pass {
@@ -158,8 +146,8 @@ std::string MeanOfPasses::in_words() const {
 }
 
 std::optional<MeanOfPasses> mean_of_passes(const Recording& r) {
-  const auto program = r.size() < 2 ? std::nullopt : averaged_program(r.header.protocol);
-  if (!program) return std::nullopt;
+  const auto program = r.size() < 2 ? std::nullopt : program_of(r.header.protocol);
+  if (!program || !program->averaged()) return std::nullopt;
   const auto& begin = program->averaged()->begin;
   MeanOfPasses out;
   std::vector<Pass> passes;
@@ -191,19 +179,19 @@ std::optional<MeanOfPasses> mean_of_passes(const Recording& r) {
   for (auto i = first; i <= last; ++i) mean.time.push_back(r.time[i] - r.time[first]);
   for (const auto channel : all_channels) {
     if (!r.has(channel)) continue;
-    std::vector<std::vector<double>> each;
+    auto& values = mean.set(channel);
     if (channel == Channel::command) {
-      each.push_back(on_samples_of(lead, lead, r.time, r.at(channel)));
-    } else {
-      for (const auto& pass : passes) each.push_back(on_samples_of(lead, pass, r.time, r.at(channel)));
+      const auto from = r.at(channel).begin();
+      values.assign(from + static_cast<std::ptrdiff_t>(first), from + static_cast<std::ptrdiff_t>(last) + 1);
+      continue;
     }
-    auto& noise = mean.noise.at(static_cast<std::size_t>(channel));
-    auto& values = mean.set(channel) = mean_of(each, noise);
-    if (channel == Channel::command) noise.reset();
+    std::vector<std::vector<double>> each;
+    for (const auto& pass : passes) each.push_back(on_samples_of(lead, pass, r.time, r.at(channel)));
+    values = mean_of(each, mean.noise.at(static_cast<std::size_t>(channel)));
     if (channel == Channel::charge && r.header.charge_reference == ChargeReference::first_sample)
       for (const double zero = values.front(); auto& value : values) value -= zero;
   }
-  const auto own = Protocol::from_json(mean.header.protocol).expand();
+  const auto own = protocols::Protocol::from_json(mean.header.protocol).expand();
   for (std::size_t s = 0; s + 1 < lead.corners.size(); ++s) {
     auto row = r.segments[begin[lead.number - 1] + s];
     if (s < own.segments().size()) row.label = own.segments()[s].label;

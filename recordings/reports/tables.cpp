@@ -46,6 +46,12 @@ void note_smoothing(const LoopMeter& meter, Table& table) {
         "leg at the most, which do not cross turning points.");
 }
 
+void note_centring(const LoopMeter& meter, Table& table) {
+  if (meter.centred())
+    table.notes.emplace_back(
+        "The charge has no absolute zero: polarization counts from the middle of its range.");
+}
+
 using Keys = std::vector<std::string>;
 constexpr std::array field_alone{Channel::field}, displacement_alone{Channel::displacement},
     force_alone{Channel::force};
@@ -172,9 +178,7 @@ std::optional<Table> hysteresis_table(const Analysis& analysis) {
                   "remanent_rising_C_per_m2"},
                  charge_loop, first, last);
   }
-  if (meter.centred())
-    table.notes.emplace_back(
-        "The charge has no absolute zero: polarization counts from the middle of its range.");
+  note_centring(meter, table);
   note_smoothing(meter, table);
   return table;
 }
@@ -281,9 +285,7 @@ std::optional<Table> mean_table(const Analysis& analysis) {
           "remanent_rising_C_per_m2", "energy_J_per_m3"},
          charge_loop);
   }
-  if (own.meter().centred())
-    table.notes.emplace_back(
-        "The charge has no absolute zero: polarization counts from the middle of its range.");
+  note_centring(own.meter(), table);
   note_smoothing(own.meter(), table);
   return table;
 }
