@@ -186,6 +186,7 @@ std::optional<MeanOfPasses> mean_of_passes(const Recording& r) {
       continue;
     }
     std::vector<std::vector<double>> each;
+    each.reserve(passes.size());
     for (const auto& pass : passes) each.push_back(on_samples_of(lead, pass, r.time, r.at(channel)));
     values = mean_of(each, mean.noise.at(static_cast<std::size_t>(channel)));
     if (channel == Channel::charge && r.header.charge_reference == ChargeReference::first_sample)
