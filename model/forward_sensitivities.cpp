@@ -179,6 +179,9 @@ Causes ForwardSensitivities::causes_of(const Part& part, std::size_t direction) 
   moved(Cause::half_permittivity, k.half_permittivity);
   moved(Cause::half_compliance, k.half_compliance);
   moved(Cause::stabilization, k.stress_stabilization);
+  moved(Cause::asymmetry, k.barrier_asymmetry);
+  set(Cause::log_direct_rate, relative(k.direct_rate));
+  moved(Cause::direct_barrier, k.direct_barrier);
   set(Cause::log_energy, relative(k.inverse_energy));
   set(Cause::log_span, relative(part.trial.h) - relative(k.relaxation_time));
   set(Cause::log_barrier, relative(part.around.model.material.barrier));

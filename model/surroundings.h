@@ -80,6 +80,9 @@ struct Surroundings {
     install_effects(model, ports);
     constants = kinetic_constants(model.material);
     constants.stress_stabilization = ports.stress_stabilization;
+    constants.barrier_asymmetry = ports.barrier_asymmetry;
+    constants.direct_rate = ports.direct_rate;
+    constants.direct_barrier = ports.direct_barrier;
     mechanics.emplace(model, ports);
     by_rates = !vanishes(ports.domain_wall_drag) || !vanishes(ports.source_resistance);
     field_open = by_rates || std::any_of(ports.seen_by_rates.begin(), ports.seen_by_rates.end(),

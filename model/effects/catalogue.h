@@ -90,9 +90,12 @@ struct Effect {
   // Where it is a base parameter: whether a model has that already. Such an effect is recalibrated, not
   // found.
   std::function<bool(const Model& model)> in_base{};
-  // Stands for what has no name: a table that is fitted, not physics. A model may hold it, but it is never
-  // among what a discrepancy is called.
+  // Stands for what has no name: fitted, not physics. A model may hold it, but it is never among what a
+  // discrepancy is called.
   bool empirical = false;
+  // An empirical term that is linear in its weights (effects/empirical.h); the others correct the kinetics by
+  // a few numbers and are fitted as effects are.
+  bool table = false;
 };
 
 // All effects, by id.

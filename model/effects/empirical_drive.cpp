@@ -75,7 +75,8 @@ Effect effect_empirical_drive() {
               []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
                 ports.drive.push_back(std::make_unique<EmpiricalDrive<T>>(v));
               },
-          .empirical = true};
+          .empirical = true,
+          .table = true};
 }
 
 }  // namespace ferrobench::model::effects

@@ -16,7 +16,8 @@ Effect effect_empirical_rate() {
               []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
                 ports.seen_by_rates.push_back(std::make_unique<EmpiricalTerm<T>>(v, Rest::poled));
               },
-          .empirical = true};
+          .empirical = true,
+          .table = true};
 }
 
 }  // namespace ferrobench::model::effects

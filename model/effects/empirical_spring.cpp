@@ -32,7 +32,8 @@ Effect effect_empirical_spring() {
               []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
                 if (!vanishes(v[0])) ports.spring.push_back(std::make_unique<EmpiricalSpring<T>>(v));
               },
-          .empirical = true};
+          .empirical = true,
+          .table = true};
 }
 
 }  // namespace ferrobench::model::effects

@@ -14,7 +14,8 @@ Effect effect_empirical_strain() {
               []<class T>(Values<T> v, ModelOf<T>&, PortsOf<T>& ports) {
                 ports.strain.push_back(std::make_unique<EmpiricalTerm<T>>(v, Rest::at_start));
               },
-          .empirical = true};
+          .empirical = true,
+          .table = true};
 }
 
 }  // namespace ferrobench::model::effects

@@ -15,7 +15,7 @@ constexpr double share_of_rest = 0.2;     // by which steps grow in a hold
 
 RateColumns Ensemble::Rates::columns(std::size_t first) {
   RateColumns out;
-  for (std::size_t j = 0; j < 4; ++j) {
+  for (std::size_t j = 0; j < most_transitions && !rate[j].empty(); ++j) {
     out.log_rate[j] = log_rate[j].data() + first;
     out.rate[j] = rate[j].data() + first;
   }
@@ -40,7 +40,7 @@ Ensemble::Ensemble(const Domains& given, const KineticConstants& constants, doub
   }
   // So must those past the last one awake: rates that agree with their logarithms, even if long out of date.
   for (auto* rates : {&now_, &then_})
-    for (std::size_t j = 0; j < 4; ++j) {
+    for (std::size_t j = 0; j < transition_count(constants_); ++j) {
       rates->log_rate[j].assign(padded, 0.0);
       rates->rate[j].assign(padded, 1.0);
     }
@@ -69,12 +69,15 @@ void Ensemble::start(const Loads& at, const Fractions& fractions) {
   means_ = {fractions.plus, fractions.minus, 0, 0};
   const double ninety = means_.ninety();
   double plus_rate = 0, minus_rate = 0;
+  const bool direct = transition_count(constants_) > 4;
   for (std::size_t i = 0; i < size_; ++i) {
     const auto rate = [&](std::size_t j) { return now_.rate[j][i]; };
-    plus_rate += columns_[weight][i] * (rate(1) * ninety - rate(0) * fractions.plus);
-    minus_rate += columns_[weight][i] * (rate(2) * ninety - rate(3) * fractions.minus);
-    outflow_falling_[i] = rate(0) * fractions.plus + rate(2) * ninety;
-    outflow_rising_[i] = rate(1) * ninety + rate(3) * fractions.minus;
+    const double to_minus = direct ? rate(4) * fractions.plus : 0,
+                 to_plus = direct ? rate(5) * fractions.minus : 0;
+    plus_rate += columns_[weight][i] * (rate(1) * ninety - rate(0) * fractions.plus + to_plus - to_minus);
+    minus_rate += columns_[weight][i] * (rate(2) * ninety - rate(3) * fractions.minus + to_minus - to_plus);
+    outflow_falling_[i] = rate(0) * fractions.plus + rate(2) * ninety + to_minus;
+    outflow_rising_[i] = rate(1) * ninety + rate(3) * fractions.minus + to_plus;
   }
   means_.plus_rate = plus_rate / constants_.relaxation_time;
   means_.minus_rate = minus_rate / constants_.relaxation_time;
@@ -82,17 +85,18 @@ void Ensemble::start(const Loads& at, const Fractions& fractions) {
   put_to_sleep(0);
 }
 
-// |d dg/dF| <= 1, with |dF/dE| and |dF/dsigma| at their largest.
+// |d dg/dF| <= 1, with |dF/dE| and |dF/dsigma| at their largest. The force between both 180 wells is twice
+// the part of the others that is odd in the field.
 Ensemble::Sensitivity Ensemble::sensitivity(const Loads& a, const Loads& b) const {
   const auto& k = constants_;
   const double e = std::max(std::abs(a.field), std::abs(b.field)) + largest_field_;
   const double s = std::max(std::abs(a.stress), std::abs(b.stress)) + largest_stress_;
   const double besides = std::abs(k.piezoelectric) * s + 2 * std::abs(k.half_permittivity) * e;
-  const double by_stress = std::abs(k.strain_90) + std::abs(k.piezoelectric) * e +
-                           2 * std::abs(k.half_compliance) * s +
-                           largest_barrier_ * std::abs(k.stress_stabilization);
-  return {k.inverse_energy * (k.polarization + besides), k.inverse_energy * by_stress,
-          besides < k.polarization};
+  const double by_stress =
+      std::abs(k.strain_90) + std::abs(k.piezoelectric) * e + 2 * std::abs(k.half_compliance) * s +
+      largest_barrier_ * std::exp(std::abs(k.barrier_asymmetry)) * std::abs(k.stress_stabilization);
+  const double scale = (transition_count(k) > 4 ? 2 : 1) * k.inverse_energy;
+  return {scale * (k.polarization + besides), scale * by_stress, besides < k.polarization};
 }
 
 void Ensemble::swap_rows(std::size_t i, std::size_t j) {
@@ -114,7 +118,7 @@ std::size_t Ensemble::put_row_to_sleep(std::size_t i) {
   asleep_minus_ += columns_[weight][i] * columns_[minus][i];
   if (i != last) {
     swap_rows(i, last);
-    for (std::size_t j = 0; j < 4; ++j) {
+    for (std::size_t j = 0; j < transition_count(constants_); ++j) {
       now_.log_rate[j][i] = now_.log_rate[j][last];
       now_.rate[j][i] = now_.rate[j][last];
     }

@@ -61,7 +61,7 @@ class Ensemble final : public Kinetics {
  private:
   enum Column { barrier, inverse_barrier, field, stress, weight, plus, minus, column_count };
   struct Rates {
-    std::array<std::vector<double>, 4> log_rate, rate;
+    std::array<std::vector<double>, most_transitions> log_rate, rate;  // of all transitions there are
     RateColumns columns(std::size_t first = 0);
   };
 

@@ -12,6 +12,9 @@
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
 
+#include <cmath>
+#include <type_traits>
+
 HWY_BEFORE_NAMESPACE();
 namespace ferrobench::model::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
@@ -30,10 +33,17 @@ struct Broadcast {
         half_compliance(hn::Set(D(), k.half_compliance)),
         minus_inverse_energy(hn::Set(D(), -k.inverse_energy)),
         stabilization(hn::Set(D(), k.stress_stabilization)),
-        stabilized(k.stress_stabilization != 0) {}
+        towards_plus(hn::Set(D(), std::exp(k.barrier_asymmetry))),
+        towards_minus(hn::Set(D(), std::exp(-k.barrier_asymmetry))),
+        direct_barrier(hn::Set(D(), k.direct_barrier)),
+        direct_log_rate(hn::Set(D(), k.direct_rate > 0 ? std::log(k.direct_rate) : 0)),
+        stabilized(k.stress_stabilization != 0),
+        asymmetric(k.barrier_asymmetry != 0) {}
   V field, stress, polarization, strain_90, piezoelectric, half_permittivity, half_compliance,
       minus_inverse_energy, stabilization;
-  bool stabilized;
+  V towards_plus, towards_minus;  // factors on the barriers
+  V direct_barrier, direct_log_rate;
+  bool stabilized, asymmetric;
 };
 
 // What is not a number stays so: Min and Max give their second operand then.
@@ -84,16 +94,28 @@ struct UnequalCurvature {
     out = hn::Mul(out_barrier, hn::Mul(part, part));
     out = hn::IfThenElse(hn::Ge(force, force_a), zero,
                          hn::IfThenElse(hn::Le(force, force_b), hn::Neg(force), out));
-    if (k.stabilized) ends(back_barrier, end_a, end_b, force_a, force_b);
+    if (k.stabilized || k.asymmetric) ends(back_barrier, end_a, end_b, force_a, force_b);
     part = hn::Sub(one, hn::Div(field, end_b));
     back = hn::Mul(back_barrier, hn::Mul(part, part));
     back = hn::IfThenElse(hn::Ge(force, force_a), force, hn::IfThenElse(hn::Le(force, force_b), zero, back));
   }
 };
 
-struct Four {
-  V v[4];
+// Of all transitions, in the order of RateColumns: four, or six with direct switching.
+template <std::size_t n>
+struct PerTransition {
+  V v[n];
 };
+// Calls act(law, number of transitions) with those of the constants, both as types.
+template <class Act>
+auto with_law(const KineticConstants& k, Act&& act) {
+  using Four = std::integral_constant<std::size_t, most_transitions - 2>;
+  using Six = std::integral_constant<std::size_t, most_transitions>;
+  if (k.law == BarrierLaw::equal_curvature)
+    return transition_count(k) > 4 ? act(EqualCurvature{}, Six{}) : act(EqualCurvature{}, Four{});
+  return transition_count(k) > 4 ? act(UnequalCurvature{}, Six{}) : act(UnequalCurvature{}, Four{});
+}
+
 struct Forces {
   V plus, minus, stress;  // F_{+,90}, F_{-,90}, effective stress
 };
@@ -108,8 +130,9 @@ HWY_INLINE Forces forces(const Broadcast& k, const DomainColumns& domains, std::
   return {hn::Sub(even, odd), hn::Add(even, odd), stress};
 }
 
-template <class Law>
-HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std::size_t i, const Forces& f) {
+template <class Law, std::size_t n>
+HWY_INLINE PerTransition<n> log_rates(const Broadcast& k, const DomainColumns& domains, std::size_t i,
+                                      const Forces& f) {
   const D d;
   const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
   const V barrier = hn::LoadU(d, domains.barrier + i), inverse = hn::LoadU(d, domains.inverse_barrier + i);
@@ -119,10 +142,28 @@ HWY_INLINE Four log_rates(const Broadcast& k, const DomainColumns& domains, std:
     back_barrier = hn::Mul(barrier, factor);
     back_inverse = hn::Div(inverse, factor);
   }
-  Four out;
-  Law::barriers(k, f.plus, barrier, inverse, back_barrier, back_inverse, out.v[0], out.v[1]);
-  Law::barriers(k, f.minus, barrier, inverse, back_barrier, back_inverse, out.v[3], out.v[2]);
-  for (auto& v : out.v) v = hn::Mul(v, k.minus_inverse_energy);
+  PerTransition<n> out;
+  const auto between = [&](auto law, V force, V dg0, V dg0_inverse, V back, V inverse_back, V factor,
+                           V back_factor, V& v, V& v_back) HWY_ATTR {
+    if (k.asymmetric)
+      decltype(law)::barriers(k, force, hn::Mul(dg0, factor), hn::Div(dg0_inverse, factor),
+                              hn::Mul(back, back_factor), hn::Div(inverse_back, back_factor), v, v_back);
+    else
+      decltype(law)::barriers(k, force, dg0, dg0_inverse, back, inverse_back, v, v_back);
+    v = hn::Mul(v, k.minus_inverse_energy);
+    v_back = hn::Mul(v_back, k.minus_inverse_energy);
+  };
+  between(Law{}, f.plus, barrier, inverse, back_barrier, back_inverse, k.towards_minus, k.towards_plus,
+          out.v[0], out.v[1]);
+  between(Law{}, f.minus, barrier, inverse, back_barrier, back_inverse, k.towards_plus, k.towards_minus,
+          out.v[3], out.v[2]);
+  if constexpr (n > 4) {
+    const V direct = hn::Mul(barrier, k.direct_barrier), direct_inverse = hn::Div(inverse, k.direct_barrier);
+    between(EqualCurvature{}, hn::Sub(f.plus, f.minus), direct, direct_inverse, direct, direct_inverse,
+            k.towards_minus, k.towards_plus, out.v[4], out.v[5]);
+    out.v[4] = hn::Add(out.v[4], k.direct_log_rate);
+    out.v[5] = hn::Add(out.v[5], k.direct_log_rate);
+  }
   return out;
 }
 
@@ -176,19 +217,32 @@ HWY_INLINE Fraction sum(const Fraction& a, const Fraction& b) {
           hn::Mul(a.below, b.below)};
 }
 
-// The fractions after a step with the intensities q = {a, b, c, e}: they change by psi(M) F.
-HWY_INLINE void propagate(const Four& q, V& plus, V& minus) {
+// The fractions after a step with the intensities q = {a, b, c, e} or {a, b, c, e, p, m}: they change by
+// psi(M) F.
+template <std::size_t n>
+HWY_INLINE void propagate(const PerTransition<n>& q, V& plus, V& minus) {
   const D d;
   const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
   const V a = q.v[0], b = q.v[1], c = q.v[2], e = q.v[3];
   const V ninety = hn::Sub(hn::Sub(one, plus), minus);
-  const V flow_plus = hn::MulSub(b, ninety, hn::Mul(a, plus));
-  const V flow_minus = hn::MulSub(c, ninety, hn::Mul(e, minus));
-  const V from_minus = hn::Add(c, e), to_plus = hn::Mul(b, e);
-  const V trace = hn::Add(hn::Add(a, b), from_minus);
-  const V determinant = hn::MulAdd(a, from_minus, to_plus);
+  V flow_plus = hn::MulSub(b, ninety, hn::Mul(a, plus));
+  V flow_minus = hn::MulSub(c, ninety, hn::Mul(e, minus));
+  const V from_minus = hn::Add(c, e);
+  V to_plus = hn::Mul(b, e), to_minus = hn::Mul(a, c);  // adj(M) (b, c)
+  V trace = hn::Add(hn::Add(a, b), from_minus);
+  V determinant = hn::MulAdd(a, from_minus, to_plus);
+  if constexpr (n > 4) {
+    const V p = q.v[4], m = q.v[5], from_ninety = hn::Add(b, c);
+    const V exchange = hn::MulSub(m, minus, hn::Mul(p, plus));
+    flow_plus = hn::Add(flow_plus, exchange);
+    flow_minus = hn::Sub(flow_minus, exchange);
+    to_plus = hn::MulAdd(m, from_ninety, to_plus);
+    to_minus = hn::MulAdd(p, from_ninety, to_minus);
+    trace = hn::Add(trace, hn::Add(p, m));
+    determinant = hn::MulAdd(m, hn::Add(a, from_ninety), hn::MulAdd(p, hn::Add(e, from_ninety), determinant));
+  }
   const V adjoint_plus = hn::NegMulAdd(plus, determinant, to_plus);
-  const V adjoint_minus = hn::NegMulAdd(minus, determinant, hn::Mul(a, c));
+  const V adjoint_minus = hn::NegMulAdd(minus, determinant, to_minus);
   const Fraction low = sum(at_pole(poles[0], trace, determinant), at_pole(poles[1], trace, determinant));
   const Fraction high = sum(at_pole(poles[2], trace, determinant), at_pole(poles[3], trace, determinant));
   const V low_inverse = hn::Div(one, low.below), high_inverse = hn::Div(one, high.below);

@@ -16,8 +16,10 @@ struct Sums {
 };
 
 // Rows past `count` in the last vector belong to others: they add nothing to the sums.
-HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t count, const Four& rate,
-                       V plus, V minus, const StepOutput& out, V negligible, Sums& sums) {
+template <std::size_t n>
+HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t count,
+                       const PerTransition<n>& rate, V plus, V minus, const StepOutput& out, V negligible,
+                       Sums& sums) {
   const D d;
   const V one = hn::Set(d, 1.0), zero = hn::Zero(d);
   hn::StoreU(plus, d, out.plus + i);
@@ -26,16 +28,23 @@ HWY_INLINE void finish(const DomainColumns& domains, std::size_t i, std::size_t 
   const V ninety = hn::Sub(hn::Sub(one, plus), minus);
   sums.plus = hn::MulAdd(weight, plus, sums.plus);
   sums.minus = hn::MulAdd(weight, minus, sums.minus);
-  sums.plus_rate =
-      hn::MulAdd(weight, hn::MulSub(rate.v[1], ninety, hn::Mul(rate.v[0], plus)), sums.plus_rate);
-  sums.minus_rate =
-      hn::MulAdd(weight, hn::MulSub(rate.v[2], ninety, hn::Mul(rate.v[3], minus)), sums.minus_rate);
+  V plus_rate = hn::MulSub(rate.v[1], ninety, hn::Mul(rate.v[0], plus));
+  V minus_rate = hn::MulSub(rate.v[2], ninety, hn::Mul(rate.v[3], minus));
   const auto counted = [&](V x) HWY_ATTR { return hn::IfThenElse(hn::Gt(x, negligible), x, zero); };
-  const V counted_ninety = counted(ninety);
-  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[2], hn::Mul(counted(plus), rate.v[0])), d,
-             out.outflow_falling + i);
-  hn::StoreU(hn::MulAdd(counted_ninety, rate.v[1], hn::Mul(counted(minus), rate.v[3])), d,
-             out.outflow_rising + i);
+  const V counted_ninety = counted(ninety), counted_plus = counted(plus), counted_minus = counted(minus);
+  V falling = hn::MulAdd(counted_ninety, rate.v[2], hn::Mul(counted_plus, rate.v[0]));
+  V rising = hn::MulAdd(counted_ninety, rate.v[1], hn::Mul(counted_minus, rate.v[3]));
+  if constexpr (n > 4) {
+    const V exchange = hn::MulSub(rate.v[5], minus, hn::Mul(rate.v[4], plus));
+    plus_rate = hn::Add(plus_rate, exchange);
+    minus_rate = hn::Sub(minus_rate, exchange);
+    falling = hn::MulAdd(counted_plus, rate.v[4], falling);
+    rising = hn::MulAdd(counted_minus, rate.v[5], rising);
+  }
+  sums.plus_rate = hn::MulAdd(weight, plus_rate, sums.plus_rate);
+  sums.minus_rate = hn::MulAdd(weight, minus_rate, sums.minus_rate);
+  hn::StoreU(falling, d, out.outflow_falling + i);
+  hn::StoreU(rising, d, out.outflow_rising + i);
 }
 
 StepResult reduce(const Sums& sums, double tau) {
@@ -44,14 +53,14 @@ StepResult reduce(const Sums& sums, double tau) {
   return {sum(sums.plus), sum(sums.minus), sum(sums.plus_rate) / tau, sum(sums.minus_rate) / tau};
 }
 
-template <class Law>
+template <class Law, std::size_t n>
 void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count,
                    const Loads& at, const RateColumns& out) {
   const D d;
   const Broadcast constants(k, at);
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
-    const Four l = log_rates<Law>(constants, domains, i, forces(constants, domains, i));
-    for (int j = 0; j < 4; ++j) {
+    const auto l = log_rates<Law, n>(constants, domains, i, forces(constants, domains, i));
+    for (std::size_t j = 0; j < n; ++j) {
       hn::StoreU(l.v[j], d, out.log_rate[j] + i);
       hn::StoreU(hn::Exp(d, l.v[j]), d, out.rate[j] + i);
     }
@@ -59,14 +68,16 @@ void evaluate_with(const KineticConstants& k, const DomainColumns& domains, std:
 }
 
 // The fractions of rows first to `end` after a step with `span` times the rates `mean`.
+template <std::size_t n>
 HWY_INLINE void advance(const DomainColumns& domains, std::size_t first, std::size_t end, std::size_t count,
-                        const std::array<const double*, 4>& mean, V span, const std::array<double*, 4>& rates,
-                        const StepOutput& out, Sums& sums) {
+                        const std::array<const double*, n>& mean, V span,
+                        const std::array<double*, most_transitions>& rates, const StepOutput& out,
+                        Sums& sums) {
   const D d;
   const V negligible = hn::Set(d, out.negligible);
   for (std::size_t i = first; i < end; i += hn::Lanes(d)) {
-    Four rate, intensity;
-    for (int j = 0; j < 4; ++j) {
+    PerTransition<n> rate, intensity;
+    for (std::size_t j = 0; j < n; ++j) {
       rate.v[j] = hn::LoadU(d, rates[j] + i);
       intensity.v[j] = hn::Mul(span, hn::LoadU(d, mean[j] + (i - first)));
     }
@@ -80,7 +91,7 @@ HWY_INLINE void advance(const DomainColumns& domains, std::size_t first, std::si
 // several rows at once.
 constexpr std::size_t block = 64;
 
-template <class Law>
+template <class Law, std::size_t n>
 StepResult step_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
                      const LoadPath& path, const RateColumns& before, const RateColumns& after,
                      const StepOutput& out) {
@@ -91,20 +102,26 @@ StepResult step_with(const KineticConstants& k, const DomainColumns& domains, st
   const bool bent = path.bend.stress != 0 || path.bend.field != 0;
   const V half_span = hn::Set(d, 0.5 * h / k.relaxation_time), zero = hn::Zero(d);
   Sums sums{zero, zero, zero, zero};
-  std::array<std::array<double, block>, 4> twice_mean;
+  std::array<std::array<double, block>, n> twice_mean;
+  std::array<const double*, n> means;
+  for (std::size_t j = 0; j < n; ++j) means[j] = twice_mean[j].data();
   for (std::size_t first = 0; first < count; first += block) {
     const std::size_t end = std::min(first + block, count);
     for (std::size_t i = first; i < end; i += hn::Lanes(d)) {
       const Forces f0 = forces(start, domains, i), f1 = forces(constants, domains, i);
-      const Four l = log_rates<Law>(constants, domains, i, f1);
+      const auto l = log_rates<Law, n>(constants, domains, i, f1);
       const V barrier = hn::LoadU(d, domains.barrier + i);
       const V inverse_barrier = hn::LoadU(d, domains.inverse_barrier + i);
-      Four bend;
+      PerTransition<n> bend;
       twice_bends(constants, f0.plus, f1.plus, hn::Sub(bend_even, bend_odd), bent, barrier, inverse_barrier,
                   bend.v[0], bend.v[1]);
       twice_bends(constants, f0.minus, f1.minus, hn::Add(bend_even, bend_odd), bent, barrier, inverse_barrier,
                   bend.v[3], bend.v[2]);
-      for (int j = 0; j < 4; ++j) {
+      if constexpr (n > 4)
+        twice_bends(constants, hn::Sub(f0.plus, f0.minus), hn::Sub(f1.plus, f1.minus),
+                    hn::Mul(hn::Set(d, -2.0), bend_odd), bent, hn::Mul(barrier, constants.direct_barrier),
+                    hn::Div(inverse_barrier, constants.direct_barrier), bend.v[4], bend.v[5]);
+      for (std::size_t j = 0; j < n; ++j) {
         const V rate = hn::Exp(d, l.v[j]);
         hn::StoreU(twice_mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
                                    hn::LoadU(d, before.rate[j] + i), rate, bend.v[j]),
@@ -113,35 +130,39 @@ StepResult step_with(const KineticConstants& k, const DomainColumns& domains, st
         hn::StoreU(rate, d, after.rate[j] + i);
       }
     }
-    advance(domains, first, end, count,
-            {twice_mean[0].data(), twice_mean[1].data(), twice_mean[2].data(), twice_mean[3].data()},
-            half_span, after.rate, out, sums);
+    advance<n>(domains, first, end, count, means, half_span, after.rate, out, sums);
   }
   return reduce(sums, k.relaxation_time);
 }
 
 void evaluate(const KineticConstants& k, const DomainColumns& domains, std::size_t count, const Loads& at,
               const RateColumns& out) {
-  k.law == BarrierLaw::equal_curvature ? evaluate_with<EqualCurvature>(k, domains, count, at, out)
-                                       : evaluate_with<UnequalCurvature>(k, domains, count, at, out);
+  with_law(k, [&](auto law, auto n) { evaluate_with<decltype(law), n>(k, domains, count, at, out); });
 }
 
 StepResult step(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
                 const LoadPath& path, const RateColumns& before, const RateColumns& after,
                 const StepOutput& out) {
-  return k.law == BarrierLaw::equal_curvature
-             ? step_with<EqualCurvature>(k, domains, count, h, path, before, after, out)
-             : step_with<UnequalCurvature>(k, domains, count, h, path, before, after, out);
+  return with_law(k, [&](auto law, auto n) {
+    return step_with<decltype(law), n>(k, domains, count, h, path, before, after, out);
+  });
+}
+
+template <std::size_t n>
+StepResult step_held_with(const KineticConstants& k, const DomainColumns& domains, std::size_t count,
+                          double h, const RateColumns& before, const StepOutput& out) {
+  const D d;
+  const V zero = hn::Zero(d);
+  Sums sums{zero, zero, zero, zero};
+  std::array<const double*, n> rates;
+  std::copy_n(before.rate.begin(), n, rates.begin());
+  advance<n>(domains, 0, count, count, rates, hn::Set(d, h / k.relaxation_time), before.rate, out, sums);
+  return reduce(sums, k.relaxation_time);
 }
 
 StepResult step_held(const KineticConstants& k, const DomainColumns& domains, std::size_t count, double h,
                      const RateColumns& before, const StepOutput& out) {
-  const D d;
-  const V zero = hn::Zero(d);
-  Sums sums{zero, zero, zero, zero};
-  advance(domains, 0, count, count, {before.rate[0], before.rate[1], before.rate[2], before.rate[3]},
-          hn::Set(d, h / k.relaxation_time), before.rate, out, sums);
-  return reduce(sums, k.relaxation_time);
+  return with_law(k, [&](auto, auto n) { return step_held_with<n>(k, domains, count, h, before, out); });
 }
 
 }  // namespace ferrobench::model::HWY_NAMESPACE

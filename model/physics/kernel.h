@@ -1,6 +1,6 @@
 // The inner loop of the model: transition rates and phase fractions of many domains over one step.
 //
-// Vector code for the processor it runs on is chosen at run time; every choice agrees to 1e-12.
+// Vector code for the processor it runs on is chosen at run time; every choice agrees to 1e-11.
 //
 // A step of h seconds takes the logarithm of each rate as a parabola in time: its ends from the loads there,
 // its bend from the barrier's curvature and from how far the loads at mid-step are off the line between the
@@ -13,6 +13,10 @@
 // two-state system (4.21) change in a step by
 //
 //     psi(M) F,   psi(y) = (1 - exp(-y)) / y,   M = (a + b, b; c, c + e),   F = (b, c) - M x
+//
+// Where 180-degree wells switch into each other as well (KineticConstants::direct_rate), with the intensities
+// p (+ -> -) and m (- -> +), M = (a + b + p, b - m; c - p, c + e + m). Their driving force is F_{+,90} -
+// F_{-,90}, and since both have the same permittivity their barrier is that of equal curvature by any law.
 //
 // with a rational function of degrees 7 and 8 in place of psi, exact for y to infinity and nearly the best
 // for all y >= 0 at once: off by 3.1e-8 of the change along an eigenvector of M, by 1.9e-7 of it at most
@@ -43,10 +47,14 @@ struct DomainColumns {
   const double* minus = nullptr;  // x-
 };
 
-// + -> 90, 90 -> +, 90 -> -, - -> 90
+// + -> 90, 90 -> +, 90 -> -, - -> 90, and with direct switching + -> -, - -> +
+inline constexpr std::size_t most_transitions = 6;
+inline std::size_t transition_count(const KineticConstants& k) {
+  return k.direct_rate > 0 ? most_transitions : most_transitions - 2;
+}
 struct RateColumns {
-  std::array<double*, 4> log_rate{};  // ln(tau r)
-  std::array<double*, 4> rate{};      // tau r
+  std::array<double*, most_transitions> log_rate{};  // ln(tau r)
+  std::array<double*, most_transitions> rate{};      // tau r
 };
 
 struct StepResult {
@@ -58,7 +66,7 @@ struct StepOutput {
   double* plus = nullptr;
   double* minus = nullptr;
   // tau times the gross flow out of all wells that hold more than `negligible`, apart by what makes it grow:
-  // a falling field (+ -> 90, 90 -> -) or a rising one (- -> 90, 90 -> +).
+  // a falling field (+ -> 90, 90 -> -, + -> -) or a rising one (- -> 90, 90 -> +, - -> +).
   double* outflow_falling = nullptr;
   double* outflow_rising = nullptr;
   double negligible = 0;

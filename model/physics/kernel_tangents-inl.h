@@ -88,16 +88,17 @@ struct Slopes<UnequalCurvature> {
   }
 };
 
-// ln(rate) at one end of a step: the driving forces' own slopes, and those of the four logarithms.
+// ln(rate) at one end of a step: the driving forces' own slopes, and those of the logarithms.
+template <std::size_t n>
 struct End {
   V field, stress, force_plus, force_minus;
   V even_by_field, even_by_stress, odd_by_field, odd_by_stress;
-  BarrierSlope slope[4];
+  BarrierSlope slope[n];
   V back_factor, back_by_stress, squeezed;  // of the stabilized barrier, squeezed = max(0, -stress)
 };
 
-template <class Law>
-HWY_INLINE void end_of(const Broadcast& k, const DomainColumns& domains, std::size_t i, End& e) {
+template <class Law, std::size_t n>
+HWY_INLINE void end_of(const Broadcast& k, const DomainColumns& domains, std::size_t i, End<n>& e) {
   const V zero = hn::Zero(D()), one = set(1.0), minus_two = set(-2.0);
   const Forces f = forces(k, domains, i);
   const V barrier = load(domains.barrier + i), inverse = load(domains.inverse_barrier + i);
@@ -119,10 +120,21 @@ HWY_INLINE void end_of(const Broadcast& k, const DomainColumns& domains, std::si
     back = barrier * e.back_factor;
     back_inverse = inverse / e.back_factor;
   }
-  e.slope[0] = Slopes<Law>::of(k, f.plus, barrier, inverse, false);
-  e.slope[1] = Slopes<Law>::of(k, f.plus, back, back_inverse, true);
-  e.slope[2] = Slopes<Law>::of(k, f.minus, back, back_inverse, true);
-  e.slope[3] = Slopes<Law>::of(k, f.minus, barrier, inverse, false);
+  const auto slope_of = [&](auto law, V force, V dg0, V dg0_inverse, V factor, bool from_90) HWY_ATTR {
+    using Of = Slopes<decltype(law)>;
+    return k.asymmetric ? Of::of(k, force, dg0 * factor, dg0_inverse / factor, from_90)
+                        : Of::of(k, force, dg0, dg0_inverse, from_90);
+  };
+  e.slope[0] = slope_of(Law{}, f.plus, barrier, inverse, k.towards_minus, false);
+  e.slope[1] = slope_of(Law{}, f.plus, back, back_inverse, k.towards_plus, true);
+  e.slope[2] = slope_of(Law{}, f.minus, back, back_inverse, k.towards_minus, true);
+  e.slope[3] = slope_of(Law{}, f.minus, barrier, inverse, k.towards_plus, false);
+  if constexpr (n > 4) {
+    const V force = f.plus - f.minus, direct = barrier * k.direct_barrier,
+            direct_inverse = inverse / k.direct_barrier;
+    e.slope[4] = slope_of(EqualCurvature{}, force, direct, direct_inverse, k.towards_minus, false);
+    e.slope[5] = slope_of(EqualCurvature{}, force, direct, direct_inverse, k.towards_plus, true);
+  }
 }
 
 // Twice the mean rate over a step (twice_mean_rate) with its slopes by ln(rate) at both ends and by twice the
@@ -155,20 +167,31 @@ HWY_INLINE Transition transition(V l0, V l1, V r0, V r1, V twice_bend) {
   return {m1 * weight + sum, r0 + m1_0 * weight + by_change, r1 + m1_1 * weight - by_change, m1};
 }
 
-// A = dx'/dx, and dx'/dI of the four intensities.
+// A = dx'/dx, and dx'/dI of the intensities.
+template <std::size_t n>
 struct Propagation {
   V a[2][2];
-  Pair by[4];
+  Pair by[n];
   V plus, minus;  // x'
 };
 
-HWY_INLINE Propagation propagation(const Four& q, V plus, V minus) {
+template <std::size_t n>
+HWY_INLINE Propagation<n> propagation(const PerTransition<n>& q, V plus, V minus) {
   const V one = set(1.0), two = set(2.0), zero = hn::Zero(D());
   const V a = q.v[0], b = q.v[1], c = q.v[2], e = q.v[3];
   const V ninety = one - plus - minus;
-  const V flow_plus = b * ninety - a * plus, flow_minus = c * ninety - e * minus;
-  const V from_minus = c + e, trace = a + b + from_minus, determinant = a * from_minus + b * e;
-  const V adjoint_plus = b * e - plus * determinant, adjoint_minus = a * c - minus * determinant;
+  V p = zero, m = zero;  // + -> -, - -> +
+  if constexpr (n > 4) {
+    p = q.v[4];
+    m = q.v[5];
+  }
+  const V exchange = m * minus - p * plus;
+  const V flow_plus = b * ninety - a * plus + exchange, flow_minus = c * ninety - e * minus - exchange;
+  // M = (from_plus, b - m; c - p, from_minus)
+  const V from_ninety = b + c, from_plus = a + b + p, from_minus = c + e + m, trace = from_plus + from_minus;
+  const V determinant = a * (c + e) + b * e + m * (a + from_ninety) + p * (e + from_ninety);
+  const V adjoint_plus = b * e + m * from_ninety - plus * determinant;
+  const V adjoint_minus = a * c + p * from_ninety - minus * determinant;
   V f = zero, g = zero, f_t = zero, f_d = zero, g_t = zero, g_d = zero;
   const auto add = [&](const PolePair& pole, V real, V t, V h, V inverse) HWY_ATTR {
     const V below_t = two * (real * set(pole.slope) + t), below_d = two * real * set(pole.det_by);
@@ -182,30 +205,36 @@ HWY_INLINE Propagation propagation(const Four& q, V plus, V minus) {
     g_d = g_d + (set(pole.g_det * pole.det_by) - pg * below_d) * inverse;
   };
   // Two poles share a division.
-  for (std::size_t n = 0; n < poles.size(); n += 2) {
+  for (std::size_t first = 0; first < poles.size(); first += 2) {
     V t[2], h[2], real[2], below[2];
-    for (std::size_t m = 0; m < 2; ++m) {
-      const PolePair& pole = poles[n + m];
-      t[m] = trace + set(pole.shift);
-      h[m] = determinant * set(pole.det_by) + set(pole.det_add);
-      real[m] = t[m] * set(pole.slope) + h[m];
-      below[m] = real[m] * real[m] + t[m] * t[m];
+    for (std::size_t k = 0; k < 2; ++k) {
+      const PolePair& pole = poles[first + k];
+      t[k] = trace + set(pole.shift);
+      h[k] = determinant * set(pole.det_by) + set(pole.det_add);
+      real[k] = t[k] * set(pole.slope) + h[k];
+      below[k] = real[k] * real[k] + t[k] * t[k];
     }
     const V inverse = one / (below[0] * below[1]);
-    for (std::size_t m = 0; m < 2; ++m) add(poles[n + m], real[m], t[m], h[m], inverse * below[1 - m]);
+    for (std::size_t k = 0; k < 2; ++k) add(poles[first + k], real[k], t[k], h[k], inverse * below[1 - k]);
   }
   const Pair by_trace{f_t * flow_plus + g_t * adjoint_plus, f_t * flow_minus + g_t * adjoint_minus};
   const Pair by_determinant{f_d * flow_plus + g_d * adjoint_plus - g * plus,
                             f_d * flow_minus + g_d * adjoint_minus - g * minus};
-  // Each intensity: its part of the trace, of the determinant, of the flows and of be and ac in the adjoint.
-  Propagation out{{{one - f * (a + b) - g * determinant, hn::Neg(f * b)},
-                   {hn::Neg(f * c), one - f * from_minus - g * determinant}},
-                  {by_trace + from_minus * by_determinant + Pair{hn::Neg(f * plus), g * c},
-                   by_trace + e * by_determinant + Pair{f * ninety + g * e, zero},
-                   by_trace + a * by_determinant + Pair{zero, f * ninety + g * a},
-                   by_trace + (a + b) * by_determinant + Pair{g * b, hn::Neg(f * minus)}},
-                  plus,
-                  minus};
+  // Each intensity: its part of the trace, of the determinant, of the flows and of adj(M) (b, c).
+  Propagation<n> out{{{one - f * from_plus - g * determinant, f * (m - b)},
+                      {f * (p - c), one - f * from_minus - g * determinant}},
+                     {by_trace + from_minus * by_determinant + Pair{hn::Neg(f * plus), g * c},
+                      by_trace + (e + m + p) * by_determinant + Pair{f * ninety + g * (e + m), g * p},
+                      by_trace + (a + m + p) * by_determinant + Pair{g * m, f * ninety + g * (a + p)},
+                      by_trace + from_plus * by_determinant + Pair{g * b, hn::Neg(f * minus)}},
+                     plus,
+                     minus};
+  if constexpr (n > 4) {
+    out.by[4] =
+        by_trace + (e + from_ninety) * by_determinant + Pair{hn::Neg(f * plus), f * plus + g * from_ninety};
+    out.by[5] =
+        by_trace + (a + from_ninety) * by_determinant + Pair{f * minus + g * from_ninety, hn::Neg(f * minus)};
+  }
   // Where a fraction is kept from leaving [0, 1] it does not move, or with the other one.
   const V next_plus = f * flow_plus + g * adjoint_plus + plus;
   const V next_minus = f * flow_minus + g * adjoint_minus + minus;
@@ -215,9 +244,9 @@ HWY_INLINE Propagation propagation(const Four& q, V plus, V minus) {
   const auto plus_free = hn::And(hn::Ge(next_plus, zero), hn::Le(next_plus, one));
   const auto minus_free = hn::And(hn::Ge(next_minus, zero), hn::Le(next_minus, most));
   const auto minus_is_rest = hn::Gt(next_minus, most);
-  const auto keep = [&](V& p, V& m) HWY_ATTR {
-    p = hn::IfThenElseZero(plus_free, p);
-    m = hn::IfThenElse(minus_free, m, hn::IfThenElseZero(minus_is_rest, hn::Neg(p)));
+  const auto keep = [&](V& by_plus, V& by_minus) HWY_ATTR {
+    by_plus = hn::IfThenElseZero(plus_free, by_plus);
+    by_minus = hn::IfThenElse(minus_free, by_minus, hn::IfThenElseZero(minus_is_rest, hn::Neg(by_plus)));
   };
   keep(out.a[0][0], out.a[1][0]);
   keep(out.a[0][1], out.a[1][1]);

@@ -34,13 +34,16 @@ enum class Cause {
   log_energy,          // ln(V / kT)
   log_span,            // ln(h / tau)
   stabilization,       // 1/Pa
+  asymmetry,           // 1, barrier_asymmetry
+  log_direct_rate,     // ln(direct_rate)
+  direct_barrier,      // 1
   log_barrier,         // ln(dg0)
   barrier_log_std,     // 1, as log_barrier times z1
   internal_field,      // V/m, at both ends
   internal_field_std,  // times z2
   internal_stress_std  // Pa, times z3, at both ends
 };
-inline constexpr std::size_t cause_count = 19;
+inline constexpr std::size_t cause_count = 22;
 using Causes = std::array<double, cause_count>;
 
 struct TangentStep {

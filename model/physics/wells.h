@@ -40,6 +40,9 @@ struct KineticConstantsOf {
   T inverse_energy = 0;        // V / (k T), m^3/J
   T relaxation_time = 1;       // s
   T stress_stabilization = 0;  // 1/Pa, barrier of 90 -> +/-180 times (1 + this * max(0, -sigma))
+  T barrier_asymmetry = 0;     // barriers towards + times exp(this), towards - times exp(-this)
+  T direct_rate = 0;           // 1/tau times this are the rates of + <-> - without a barrier; 0: none
+  T direct_barrier = 1;        // dg0 of + <-> - over that of the others
   BarrierLaw law = BarrierLaw::equal_curvature;
 };
 using KineticConstants = KineticConstantsOf<double>;

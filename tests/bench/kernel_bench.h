@@ -11,6 +11,10 @@ namespace ferrobench::bench {
 
 class KernelBench {
  public:
+  struct Rates {
+    std::array<std::vector<double>, model::most_transitions> log_rate, rate;  // ln(tau r), tau r
+  };
+
   KernelBench(const model::Domains& domains, const model::KineticConstants& constants)
       : constants_(constants), size_(domains.size()) {
     const std::size_t padded = size_ + model::DomainColumns::padding;
@@ -27,8 +31,9 @@ class KernelBench {
     plus_.assign(padded, 0.5);
     minus_.assign(padded, 0.2);
     for (auto* v : {&next_plus_, &next_minus_, &falling_, &rising_}) v->assign(padded, 0);
-    for (auto* columns : {&before_, &after_})
-      for (auto& v : *columns) v.assign(padded, 0);
+    for (auto* rates : {&before_, &after_})
+      for (auto* columns : {&rates->log_rate, &rates->rate})
+        for (auto& v : *columns) v.assign(padded, 0);
   }
 
   std::size_t size() const { return size_; }
@@ -44,8 +49,8 @@ class KernelBench {
   }
   const std::vector<double>& plus() const { return next_plus_; }
   const std::vector<double>& minus() const { return next_minus_; }
-  const std::array<std::vector<double>, 8>& before() const { return before_; }
-  const std::array<std::vector<double>, 8>& after() const { return after_; }
+  const Rates& before() const { return before_; }
+  const Rates& after() const { return after_; }
 
  private:
   model::DomainColumns domains() const {
@@ -53,9 +58,13 @@ class KernelBench {
             stress_.data(),  weight_.data(),          plus_.data(),
             minus_.data()};
   }
-  static model::RateColumns rates(std::array<std::vector<double>, 8>& v) {
-    return {{v[0].data(), v[1].data(), v[2].data(), v[3].data()},
-            {v[4].data(), v[5].data(), v[6].data(), v[7].data()}};
+  static model::RateColumns rates(Rates& v) {
+    model::RateColumns out;
+    for (std::size_t j = 0; j < model::most_transitions; ++j) {
+      out.log_rate[j] = v.log_rate[j].data();
+      out.rate[j] = v.rate[j].data();
+    }
+    return out;
   }
   model::StepOutput output() {
     return {next_plus_.data(), next_minus_.data(), falling_.data(), rising_.data(), 1e-6};
@@ -65,7 +74,7 @@ class KernelBench {
   std::size_t size_;
   std::vector<double> barrier_, inverse_barrier_, field_, stress_, weight_, plus_, minus_;
   std::vector<double> next_plus_, next_minus_, falling_, rising_;
-  std::array<std::vector<double>, 8> before_, after_;  // four ln(tau r), four tau r
+  Rates before_, after_;
 };
 
 }  // namespace ferrobench::bench

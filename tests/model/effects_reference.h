@@ -83,9 +83,16 @@ class Reference {
       return std::exp(-barrier * c.activation_volume / kt) / c.relaxation_time;
     };
     const double back = d.barrier * (1 + of("stress_stabilized_90.coefficient") * std::max(0.0, -s));
+    const double up = std::exp(of("empirical_asymmetry.log_ratio")), down = 1 / up;
+    const double direct = d.barrier * of("empirical_direct.barrier_ratio");
+    const double ratio = of("empirical_direct.rate_ratio");
+    const double turned = ratio == 0 ? 0
+                                     : ratio * (d.plus * rate(g_plus - g_minus, direct * down) -
+                                                d.minus * rate(g_minus - g_plus, direct * up));
     const double ninety = 1 - d.plus - d.minus;
-    return {ninety * rate(g_90 - g_plus, back) - d.plus * rate(g_plus - g_90, d.barrier),
-            ninety * rate(g_90 - g_minus, back) - d.minus * rate(g_minus - g_90, d.barrier)};
+    return {
+        ninety * rate(g_90 - g_plus, back * up) - d.plus * rate(g_plus - g_90, d.barrier * down) - turned,
+        ninety * rate(g_90 - g_minus, back * down) - d.minus * rate(g_minus - g_90, d.barrier * up) + turned};
   }
   double switching(double field) const {
     double sum = 0;

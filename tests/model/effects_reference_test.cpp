@@ -46,6 +46,8 @@ const std::vector<Case> cases{
     {"load_cell_creep", {{"fraction", 0.1}, {"time_constant", 0.1}}},
     {"load_cell_lag", {{"time_constant", 5e-3}}},
     {"mains_pickup", {{"amplitude", 1e-6}, {"frequency", 50}}},
+    {"empirical_asymmetry", {{"log_ratio", 0.1}}},
+    {"empirical_direct", {{"rate_ratio", 1}, {"barrier_ratio", 1.3}}},
     {"empirical_strain", empirical_values("empirical_strain", 5e-5, 0.05)},
     {"empirical_polarization", empirical_values("empirical_polarization", 2e-2, 0.05)},
     {"empirical_rate", empirical_values("empirical_rate", 1e5, 0.05)},

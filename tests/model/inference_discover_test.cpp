@@ -313,6 +313,30 @@ TEST(Discrepancy, ASpringWithoutANameIsNarrowed) {
   EXPECT_NO_THROW(model_from_json(to_json(found.improved)));
 }
 
+// Kinetics that the catalogue has no name for: they are found by the numbers that were hidden, and stay
+// without a name.
+TEST(Discrepancy, CorrectionsOfTheKineticsNarrowAGapWithoutAName) {
+  const std::vector<EffectSetting> hidden{
+      {"empirical_direct", {{"rate_ratio", 0.1}, {"barrier_ratio", 1.45}}},
+      {"empirical_asymmetry", {{"log_ratio", 0.08}}}};
+  for (const auto& h : hidden) {
+    SCOPED_TRACE(h.id);
+    auto bench = real_bench();
+    bench.effects.push_back(h);
+    const auto found = discover(given(), measure(bench), {.candidates = {"displacement_clipping"}});
+    ASSERT_EQ(found.verdict, Verdict::unknown) << text_report(found);
+    ASSERT_FALSE(found.added.empty()) << text_report(found);
+    const auto& first = found.added.front();
+    EXPECT_EQ(first.term.id, h.id) << text_report(found);
+    EXPECT_TRUE(first.empirical);
+    for (std::size_t i = 0; i < h.parameters.size(); ++i) {
+      const auto& [name, value] = h.parameters[i];
+      EXPECT_NEAR(first.term.parameters.at(i).value, value, 0.1 * value) << name;
+    }
+    EXPECT_GT(found.share_held_out, 0.9) << text_report(found);
+  }
+}
+
 // A smaller gap beside instruments that are a few percent off: what narrows it goes by noise, with what was
 // recalibrated, and leaves no more in any channel, learned or locked, than stood before.
 TEST(Discrepancy, NarrowingASmallGapKeepsTheInstruments) {

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
 #include <string>
 #include <vector>
@@ -19,7 +20,8 @@ namespace {
 struct Case {
   std::string name;
   BarrierLaw law;
-  double stress_stabilization;  // 1/Pa
+  double stress_stabilization = 0;  // 1/Pa
+  double asymmetry = 0, direct_rate = 0;
 };
 
 class Kernel : public testing::TestWithParam<Case> {
@@ -33,6 +35,9 @@ class Kernel : public testing::TestWithParam<Case> {
     material.barrier_law = GetParam().law;
     auto k = kinetic_constants(material);
     k.stress_stabilization = GetParam().stress_stabilization;
+    k.barrier_asymmetry = GetParam().asymmetry;
+    k.direct_rate = GetParam().direct_rate;
+    k.direct_barrier = 1.3;
     return k;
   }
   static Domains domains() {
@@ -51,9 +56,11 @@ double rms_difference(const std::vector<double>& a, const std::vector<double>& b
   return std::sqrt(sum / static_cast<double>(count));
 }
 
-// ln(tau r) of + -> 90, 90 -> +, 90 -> -, - -> 90.
-std::array<double, 4> plain_log_rates(const KineticConstants& k, const Domains& d, std::size_t i,
-                                      const Loads& at) {
+// Of + -> 90, 90 -> +, 90 -> -, - -> 90, + -> -, - -> +.
+using Six = std::array<double, 6>;
+
+// ln(tau r).
+Six plain_log_rates(const KineticConstants& k, const Domains& d, std::size_t i, const Loads& at) {
   const Loads seen{at.field + d.field[i], at.stress + d.stress[i]};
   const auto force = driving_forces(k, seen);
   const double out = d.barrier[i];
@@ -62,10 +69,15 @@ std::array<double, 4> plain_log_rates(const KineticConstants& k, const Domains& 
     if (k.law == BarrierLaw::equal_curvature) return barrier_equal_curvature(from_90 ? -f : f, dg0);
     return barrier_unequal_curvature(f, dg0, k.polarization, 2 * k.half_permittivity, 0, from_90);
   };
-  return {-k.inverse_energy * barrier(force.plus_90, out, false),
-          -k.inverse_energy * barrier(force.plus_90, back, true),
-          -k.inverse_energy * barrier(force.minus_90, back, true),
-          -k.inverse_energy * barrier(force.minus_90, out, false)};
+  const double up = std::exp(k.barrier_asymmetry), down = 1 / up;
+  const double between = force.plus_90 - force.minus_90, direct = out * k.direct_barrier;
+  const double log_rate = std::log(k.direct_rate);
+  return {-k.inverse_energy * barrier(force.plus_90, out * down, false),
+          -k.inverse_energy * barrier(force.plus_90, back * up, true),
+          -k.inverse_energy * barrier(force.minus_90, back * down, true),
+          -k.inverse_energy * barrier(force.minus_90, out * up, false),
+          log_rate - k.inverse_energy * barrier_equal_curvature(between, direct * down),
+          log_rate - k.inverse_energy * barrier_equal_curvature(-between, direct * up)};
 }
 
 // Mean of exp(l0 + (l1 - l0) u) (1 + q u (1 - u)) over u in [0, 1] by Simpson's rule.
@@ -81,15 +93,16 @@ double plain_mean_rate(double l0, double l1, double q) {
 }
 
 // x' = A x + b over unit time: Taylor series of a small part of it, squared up.
-std::array<double, 2> plain_exponential(const std::array<double, 4>& a, double plus, double minus) {
+std::array<double, 2> plain_exponential(const Six& a, double plus, double minus) {
   std::array<long double, 2> x{plus, minus};
-  const int parts = 64 + static_cast<int>(8 * (a[0] + a[1] + a[2] + a[3]));
+  const int parts = 64 + static_cast<int>(8 * std::accumulate(a.begin(), a.end(), 0.0));
   for (int part = 0; part < parts; ++part) {
     std::array<long double, 2> term = x;
     for (int order = 1; order < 20; ++order) {
       const long double ninety = (order == 1 ? 1.0L : 0.0L) - term[0] - term[1];
       const long double h = 1.0L / parts / order;
-      term = {h * (a[1] * ninety - a[0] * term[0]), h * (a[2] * ninety - a[3] * term[1])};
+      const long double turned = a[4] * term[0] - a[5] * term[1];
+      term = {h * (a[1] * ninety - a[0] * term[0] - turned), h * (a[2] * ninety - a[3] * term[1] + turned)};
       x[0] += term[0];
       x[1] += term[1];
     }
@@ -117,15 +130,16 @@ TEST_P(Kernel, EveryInstructionSetGivesTheSame) {
     bench::KernelBench other(domains(), constants());
     other.start(path.from);
     const auto result = other.step(0.02, bent);
-    for (std::size_t j = 0; j < 8; ++j) {
-      for (std::size_t i = 0; i < best.size(); ++i)
-        ASSERT_NEAR(other.after()[j][i], best.after()[j][i],
-                    1e-12 * std::max(1.0, std::abs(best.after()[j][i])));
-    }
-    EXPECT_LT(rms_difference(other.plus(), best.plus(), best.size()), 1e-12);
-    EXPECT_LT(rms_difference(other.minus(), best.minus(), best.size()), 1e-12);
-    EXPECT_NEAR(result.plus, expected.plus, 1e-12);
-    EXPECT_NEAR(result.minus, expected.minus, 1e-12);
+    for (const auto columns : {&bench::KernelBench::Rates::log_rate, &bench::KernelBench::Rates::rate})
+      for (std::size_t j = 0; j < most_transitions; ++j)
+        for (std::size_t i = 0; i < best.size(); ++i) {
+          const double value = (best.after().*columns).at(j)[i];
+          ASSERT_NEAR((other.after().*columns).at(j)[i], value, 1e-12 * std::max(1.0, std::abs(value)));
+        }
+    EXPECT_LT(rms_difference(other.plus(), best.plus(), best.size()), 1e-11);
+    EXPECT_LT(rms_difference(other.minus(), best.minus(), best.size()), 1e-11);
+    EXPECT_NEAR(result.plus, expected.plus, 1e-11);
+    EXPECT_NEAR(result.minus, expected.minus, 1e-11);
   }
 }
 
@@ -141,10 +155,12 @@ TEST_P(Kernel, RatesAreThoseOfThePlainFormulas) {
       kernel.start(at);
       for (std::size_t i = 0; i < d.size(); ++i) {
         const auto expected = plain_log_rates(constants(), d, i, at);
-        for (std::size_t j = 0; j < 4; ++j) {
-          ASSERT_NEAR(kernel.before()[j][i], expected.at(j), 1e-12 * std::max(1.0, std::abs(expected.at(j))))
+        for (std::size_t j = 0; j < transition_count(constants()); ++j) {
+          const double rate = std::exp(expected.at(j));
+          ASSERT_NEAR(kernel.before().log_rate.at(j)[i], expected.at(j),
+                      1e-12 * std::max(1.0, std::abs(expected.at(j))))
               << "rate " << j << " of domain " << i << " at " << field << " V/m";
-          ASSERT_NEAR(kernel.before()[4 + j][i], std::exp(expected.at(j)), 1e-12);
+          ASSERT_NEAR(kernel.before().rate.at(j)[i], rate, 1e-12 * std::max(1.0, rate));
         }
       }
     }
@@ -160,27 +176,31 @@ TEST_P(Kernel, FractionsFollowTheTwoStateSystem) {
   kernel.hold(h);
   for (std::size_t i = 0; i < d.size(); i += 7) {
     auto a = plain_log_rates(k, d, i, path.from);
-    for (auto& v : a) v = h / k.relaxation_time * std::exp(v);
+    for (auto& v : a) v = h / k.relaxation_time * std::exp(v);  // exp(-inf) where nothing is direct
     const auto expected = plain_exponential(a, 0.5, 0.2);
     ASSERT_NEAR(kernel.plus()[i], expected[0], propagation_error);
     ASSERT_NEAR(kernel.minus()[i], expected[1], propagation_error);
   }
   // In a step with moving loads each intensity is that of the bent logarithm. The unequal law bends by the
-  // equal law's curvature, so it is compared where nothing bends.
-  if (k.law != BarrierLaw::equal_curvature || k.stress_stabilization != 0) return;
+  // equal law's curvature, and barriers that differ from dg0 by dg0's, so they are compared where nothing
+  // bends.
+  if (k.law != BarrierLaw::equal_curvature || k.stress_stabilization != 0 || k.barrier_asymmetry != 0) return;
   kernel.step(h, path);
   for (std::size_t i = 0; i < d.size(); i += 7) {
     const auto l0 = plain_log_rates(k, d, i, path.from), l1 = plain_log_rates(k, d, i, path.to);
     const auto f0 = driving_forces(k, {path.from.field + d.field[i], path.from.stress + d.stress[i]});
     const auto f1 = driving_forces(k, {path.to.field + d.field[i], path.to.stress + d.stress[i]});
-    const auto bend = [&](double from, double to) {
-      const bool inside = std::max(std::abs(from), std::abs(to)) < 4 * d.barrier[i];
-      return inside ? k.inverse_energy * (to - from) * (to - from) / (16 * d.barrier[i]) : 0;
+    const auto bend = [&](double from, double to, double dg0) {
+      const bool inside = std::max(std::abs(from), std::abs(to)) < 4 * dg0;
+      return inside ? k.inverse_energy * (to - from) * (to - from) / (16 * dg0) : 0;
     };
-    const std::array<double, 4> q{bend(f0.plus_90, f1.plus_90), bend(f0.plus_90, f1.plus_90),
-                                  bend(f0.minus_90, f1.minus_90), bend(f0.minus_90, f1.minus_90)};
-    std::array<double, 4> a{};
-    for (std::size_t j = 0; j < 4; ++j)
+    const double plus = bend(f0.plus_90, f1.plus_90, d.barrier[i]),
+                 minus = bend(f0.minus_90, f1.minus_90, d.barrier[i]),
+                 between = bend(f0.plus_90 - f0.minus_90, f1.plus_90 - f1.minus_90,
+                                k.direct_barrier * d.barrier[i]);
+    const Six q{plus, plus, minus, minus, between, between};
+    Six a{};
+    for (std::size_t j = 0; j < transition_count(k); ++j)
       a.at(j) = h / k.relaxation_time * plain_mean_rate(l0.at(j), l1.at(j), q.at(j));
     const auto expected = plain_exponential(a, 0.5, 0.2);
     ASSERT_NEAR(kernel.plus()[i], expected[0], propagation_error);
@@ -195,25 +215,30 @@ class KernelPropagation : public testing::Test {
 
 // One held step of domains with any rates from any fractions, h = tau = 1.
 struct Held {
-  std::array<std::vector<double>, 4> rate, log_rate;
+  bool direct = false;
+  std::array<std::vector<double>, most_transitions> rate, log_rate;
   std::vector<double> plus, minus, next_plus, next_minus, falling, rising, unused;
 
-  void add(const std::array<double, 4>& rates, double x_plus, double x_minus) {
-    for (std::size_t j = 0; j < 4; ++j) rate.at(j).push_back(rates.at(j));
+  void add(const Six& rates, double x_plus, double x_minus) {
+    for (std::size_t j = 0; j < rates.size(); ++j) rate.at(j).push_back(rates.at(j));
     plus.push_back(x_plus);
     minus.push_back(x_minus);
   }
   void step() {
     const std::size_t count = plus.size(), padded = count + DomainColumns::padding;
-    for (auto* v : {&rate[0], &rate[1], &rate[2], &rate[3], &plus, &minus}) v->resize(padded);
+    for (auto& v : rate) v.resize(padded);
+    for (auto* v : {&plus, &minus}) v->resize(padded);
     for (auto* v : {&next_plus, &next_minus, &falling, &rising, &unused}) v->assign(padded, 0);
     log_rate.fill(unused);
-    const auto columns = [](auto& v) {
-      return std::array<double*, 4>{v[0].data(), v[1].data(), v[2].data(), v[3].data()};
-    };
+    RateColumns columns;
+    for (std::size_t j = 0; j < most_transitions; ++j) {
+      columns.log_rate.at(j) = log_rate.at(j).data();
+      columns.rate.at(j) = rate.at(j).data();
+    }
     const double* none = unused.data();
-    step_domains_held({}, {none, none, none, none, none, plus.data(), minus.data()}, count, 1,
-                      {columns(log_rate), columns(rate)},
+    KineticConstants constants;
+    constants.direct_rate = direct ? 1 : 0;
+    step_domains_held(constants, {none, none, none, none, none, plus.data(), minus.data()}, count, 1, columns,
                       {next_plus.data(), next_minus.data(), falling.data(), rising.data(), 0});
   }
 };
@@ -269,8 +294,8 @@ TEST_F(KernelPropagation, IsExactToItsErrorOverManyDecades) {
   Held held;
   constexpr std::size_t count = 40000;
   for (std::size_t i = 0; i < count; ++i) {
-    std::array<double, 4> rates{};
-    for (auto& r : rates) r = std::pow(10, decade(random));
+    Six rates{};
+    for (std::size_t j = 0; j < 4; ++j) rates.at(j) = std::pow(10, decade(random));
     const double plus = i % 4 == 0 ? 1 : part(random);
     if (i % 8 > 4)
       rates[2] = rates[0] * (1 + 1e-3 * part(random));  // + -> 90 -> - with eigenvalues that meet
@@ -300,9 +325,9 @@ TEST_F(KernelPropagation, IsExactToItsErrorOverManyDecades) {
 }
 
 TEST_F(KernelPropagation, WhereEigenvaluesMeetOrVanish) {
-  const std::vector<std::array<double, 4>> cases{
-      {0, 0, 0, 0}, {1, 0, 0, 1},    {3, 1e-9, 1e-9, 3}, {0, 2, 2, 0}, {5, 0, 0, 0},
-      {0, 0, 4, 0}, {2, 1e-6, 1, 3}, {1e-3, 0, 0, 1e-3}, {0, 1, 0, 0}, {1e-200, 0, 0, 1e-200}};
+  const std::vector<Six> cases{{0, 0, 0, 0}, {1, 0, 0, 1},          {3, 1e-9, 1e-9, 3}, {0, 2, 2, 0},
+                               {5, 0, 0, 0}, {0, 0, 4, 0},          {2, 1e-6, 1, 3},    {1e-3, 0, 0, 1e-3},
+                               {0, 1, 0, 0}, {1e-200, 0, 0, 1e-200}};
   Held held;
   for (const auto& q : cases) held.add(q, 0.5, 0.2);
   held.step();
@@ -321,11 +346,42 @@ TEST_F(KernelPropagation, WhereEigenvaluesMeetOrVanish) {
   EXPECT_TRUE(std::isnan(bad.next_minus[0]));
 }
 
+TEST_F(KernelPropagation, OfDirectSwitching) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> decade(-6, 2), part(0, 1);
+  Held held;
+  held.direct = true;
+  for (int i = 0; i < 400; ++i) {
+    // Rates of a chain that keeps the detailed balance, as the barriers do: its eigenvalues are real.
+    const double a = std::pow(10, decade(random)), b = std::pow(10, decade(random)),
+                 c = std::pow(10, decade(random)), e = std::pow(10, decade(random)),
+                 p = std::pow(10, decade(random)), m = p * b * e / (a * c);
+    if (m > 1e2) continue;
+    const double plus = part(random);
+    held.add({a, b, c, e, p, m}, plus, (1 - plus) * part(random));
+  }
+  const std::size_t count = held.plus.size();
+  ASSERT_GT(count, 150U);
+  held.step();
+  for (std::size_t i = 0; i < count; ++i) {
+    const Six q{held.rate[0][i], held.rate[1][i], held.rate[2][i],
+                held.rate[3][i], held.rate[4][i], held.rate[5][i]};
+    const auto expected = plain_exponential(q, held.plus[i], held.minus[i]);
+    EXPECT_NEAR(held.next_plus[i], expected[0], propagation_error) << i;
+    EXPECT_NEAR(held.next_minus[i], expected[1], propagation_error) << i;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Laws, Kernel,
-                         testing::Values(Case{"equal", BarrierLaw::equal_curvature, 0},
-                                         Case{"unequal", BarrierLaw::unequal_curvature, 0},
+                         testing::Values(Case{"equal", BarrierLaw::equal_curvature},
+                                         Case{"unequal", BarrierLaw::unequal_curvature},
                                          Case{"equal_stabilized", BarrierLaw::equal_curvature, 2e-8},
-                                         Case{"unequal_stabilized", BarrierLaw::unequal_curvature, 2e-8}),
+                                         Case{"unequal_stabilized", BarrierLaw::unequal_curvature, 2e-8},
+                                         Case{"equal_direct", BarrierLaw::equal_curvature, 0, 0, 0.3},
+                                         Case{"unequal_stabilized_asymmetric_direct",
+                                              BarrierLaw::unequal_curvature, 2e-8, 0.1, 0.3},
+                                         Case{"equal_stabilized_asymmetric_direct",
+                                              BarrierLaw::equal_curvature, 2e-8, -0.1, 3}),
                          [](const auto& instance) { return instance.param.name; });
 
 }  // namespace

@@ -63,7 +63,7 @@ std::vector<CheckedParameter> parameters_of(const Model& model) {
 Model with_effect(const Model& m, const Effect& effect) {
   Parameters values;
   for (const auto& p : effect.parameters) values.emplace_back(std::string(p.name), std::sqrt(p.low * p.high));
-  if (effect.empirical) values = empirical_values(std::string(effect.id), values[0].second, 0.07);
+  if (effect.table) values = empirical_values(std::string(effect.id), values[0].second, 0.07);
   if (effect.id == "displacement_clipping") values[0].second = 1e-5;
   if (effect.id == "amplifier_slew_limit") values[0].second = 1.2e7;
   if (effect.id == "contact_gap") values[0].second = 3e-6;

@@ -65,8 +65,9 @@ std::string pictures(const Discovery& d) {
     figures.push_back(std::move(f));
   }
   for (const auto& effect : d.improved.effects)
-    if (std::ranges::any_of(d.added,
-                            [&](const AddedTerm& a) { return a.empirical && a.term.id == effect.id; }))
+    if (std::ranges::any_of(d.added, [&](const AddedTerm& a) {
+          return find_effect(a.term.id).table && a.term.id == effect.id;
+        }))
       figures.push_back(picture_of_empirical(effect));
   if (figures.empty()) return "";
   const auto drawing = recordings::draw(figures);

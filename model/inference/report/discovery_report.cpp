@@ -153,7 +153,7 @@ std::vector<std::string> added_lines(const Discovery& d) {
       out.push_back(fmt::format(
           "It takes {:.0f} % of the excess that stood before it{}.", 100 * *a.share,
           a.share_held_out ? fmt::format(", {:.0f} % on locked recordings", 100 * *a.share_held_out) : ""));
-    if (a.empirical) continue;  // a table of weights: the model file has it
+    if (effect.table) continue;  // many weights: the model file has them
     for (const auto& p : a.term.parameters) out.push_back(parameter_text(effect, p));
   }
   return out;

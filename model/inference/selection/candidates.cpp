@@ -17,6 +17,23 @@ Ports install_weakest(const Effect& effect, Model& model) {
   return ports;
 }
 
+// Whether an effect could be added: the model has it not, and it has a meaning for such a model.
+bool is_open(const Effect& effect, const Model& model) {
+  // What the model has already is recalibrated, not found.
+  if (std::ranges::any_of(model.effects, [&](const auto& s) { return s.id == effect.id; })) return false;
+  if (effect.in_base && effect.in_base(model)) return false;
+  try {
+    std::vector<double> values;
+    for (const auto& p : effect.parameters) values.push_back(std::sqrt(p.low * p.high));
+    auto trial = model;
+    Ports ports;
+    effect.install(values, trial, ports);
+  } catch (const Error&) {
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted) {
@@ -31,20 +48,15 @@ std::vector<const Effect*> candidates_of(const Model& model, const std::vector<s
   for (const auto& effect : effect_catalogue()) {
     if (effect.empirical) continue;
     if (!wanted.empty() && std::ranges::find(wanted, effect.id) == wanted.end()) continue;
-    // What the model has already is recalibrated, not found.
-    if (std::ranges::any_of(model.effects, [&](const auto& s) { return s.id == effect.id; })) continue;
-    if (effect.in_base && effect.in_base(model)) continue;
-    try {
-      std::vector<double> values;
-      for (const auto& p : effect.parameters) values.push_back(std::sqrt(p.low * p.high));
-      auto trial = model;
-      Ports ports;
-      effect.install(values, trial, ports);
-    } catch (const Error&) {
-      continue;  // The effect has no meaning for such a model.
-    }
-    out.push_back(&effect);
+    if (is_open(effect, model)) out.push_back(&effect);
   }
+  return out;
+}
+
+std::vector<const Effect*> empirical_terms(const Model& model) {
+  std::vector<const Effect*> out;
+  for (const auto& effect : effect_catalogue())
+    if (effect.empirical && is_open(effect, model)) out.push_back(&effect);
   return out;
 }
 

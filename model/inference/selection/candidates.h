@@ -14,6 +14,9 @@ namespace ferrobench::model::inference {
 // is not in the catalogue, Error(invalid_params) if it is empirical.
 std::vector<const Effect*> candidates_of(const Model& model, const std::vector<std::string>& wanted);
 
+// The empirical terms that the model does not have and that have a meaning for it.
+std::vector<const Effect*> empirical_terms(const Model& model);
+
 // Whether it makes the field at the monitor another than the command. Where no command was recorded, the
 // recorded field is the drive, and nothing can be said of such an effect.
 bool acts_before_monitor(const Effect& effect);

@@ -11,7 +11,6 @@
 #include "model/inference/selection/leave_one_out.h"
 #include "model/inference/selection/residual_basis.h"
 #include "model/inference/solver/multifidelity.h"
-#include "model/inference/study/empirical_term.h"
 #include "model/inference/study/improvement.h"
 #include "model/inference/study/validation.h"
 #include "model/inference/study/workflow.h"
@@ -48,7 +47,8 @@ struct Session {
   std::vector<BenchRecording> bench;
   std::vector<std::vector<NoiseModel>> noise;
   std::vector<std::size_t> train, held_out;
-  std::vector<const Effect*> candidates, tables;  // what may be named, and what may stand for the rest
+  // What may be named, and what may stand for the rest: corrections of the kinetics, and tables.
+  std::vector<const Effect*> candidates, corrections, tables;
 };
 
 // Takes out what these recordings can say nothing of.
@@ -101,6 +101,7 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
       .train = s.train,
       .held_out = s.held_out,
       .candidates = s.candidates,
+      .corrections = s.corrections,
       .tables = s.tables,
       .simulation = fine,
       .threads = s.threads,
@@ -270,11 +271,11 @@ class Inquiry {
     }
     if (improved_->searched)
       out.health.warnings.emplace_back("The whole range of the base model's parameters was searched again.");
-    const bool tables = std::ranges::any_of(out.added, &AddedTerm::empirical);
+    const bool empirical = std::ranges::any_of(out.added, &AddedTerm::empirical);
     out.improved =
         model_at(after_, !improved_->named ? "Recalibrated, with terms that narrow a gap that has no name."
-                         : tables ? "Recalibrated, with what was found missing, and tables for the rest."
-                                  : "Recalibrated, with what was found missing.");
+                         : empirical ? "Recalibrated, with what was found missing, and tables for the rest."
+                                     : "Recalibrated, with what was found missing.");
   }
 
   void tell_where() {
@@ -344,7 +345,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   Session s(options);
   s.tick("reading the recordings", 0);
   s.candidates = candidates_of(base, options.candidates);
-  s.tables = empirical_terms();
+  for (const auto* term : empirical_terms(base)) (term->table ? s.tables : s.corrections).push_back(term);
   check_recordings(recordings);
   s.out.asked = asked_of(base, options);
   for (auto& r : recordings) {

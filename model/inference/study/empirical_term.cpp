@@ -64,13 +64,6 @@ double largest_extension(const std::vector<BenchRecording>& bench) {
 
 }  // namespace
 
-std::vector<const Effect*> empirical_terms() {
-  std::vector<const Effect*> out;
-  for (const auto& e : effect_catalogue())
-    if (e.empirical) out.push_back(&e);
-  return out;
-}
-
 std::vector<double> held_numbers(const Effect& term, const Model& model,
                                  const std::vector<BenchRecording>& bench,
                                  const std::vector<std::size_t>& chosen,

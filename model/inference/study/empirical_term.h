@@ -13,8 +13,6 @@
 
 namespace ferrobench::model::inference {
 
-std::vector<const Effect*> empirical_terms();
-
 // The first numbers of a term, which a fit holds: its amplitude, what a weight of 1 adds at its port, is as
 // much as the model misses in the recordings `chosen` of the channel that shows it, or a twentieth of the
 // largest field; its scale, beyond which its tables are level, is the largest field or the largest extension

@@ -85,6 +85,7 @@ class Improver {
     if (!incumbent_.by_noise()) incumbent_.settle_with_trusted_instruments();
     out_.base = incumbent_.fit();
     auto remaining = task_.candidates;
+    remaining.insert(remaining.end(), task_.corrections.begin(), task_.corrections.end());
     demanded_ = least_share_of_effect;
     if (!incumbent_.by_noise()) search_again(remaining);
     while (!out_.named && out_.added.size() < most_effects && incumbent_.is_material() &&
@@ -128,7 +129,8 @@ class Improver {
     std::erase(remaining, best->effect);
     out_.searched = true;
     const auto& added = out_.added.back();
-    out_.named = std::min(*added.share, added.share_held_out.value_or(1)) >= task_.selection.material_share;
+    out_.named = !added.empirical &&
+                 std::min(*added.share, added.share_held_out.value_or(1)) >= task_.selection.material_share;
     if (out_.named) out_.rivals = std::move(rivals);
   }
 
@@ -240,7 +242,7 @@ class Improver {
   bool accept(HypothesisPoint next, const Effect* effect) {
     auto trial = incumbent_.weigh(next);
     // A table remembers turning points, so that a past shows which the model before it did not feel.
-    if (trial.least() < demanded_ && effect->empirical && !incumbent_.by_noise()) {
+    if (trial.least() < demanded_ && effect->table && !incumbent_.by_noise()) {
       const auto before = incumbent_.pasts();
       if (incumbent_.choose_pasts(next)) trial = incumbent_.weigh(next);
       if (trial.least() < demanded_ && task_.set_pasts) task_.set_pasts(before);

@@ -16,9 +16,11 @@
 // effect of the kinetics (study/base_search.h), and the best of these is treated like an effect that was
 // found.
 //
-// Effects of the catalogue come first, then data-driven terms (model/effects/empirical.h) at the port where
-// they gain most; the weights of these have a normal prior, whose width, and the time constant of their
-// memory, are those of the largest marginal likelihood (Laplace's approximation).
+// Effects of the catalogue come first, beside them corrections of the kinetics that name nothing (direct
+// switching between both 180-degree wells, barriers that differ by polarity), then data-driven terms
+// (model/effects/empirical.h) at the port where they gain most; the weights of these have a normal prior,
+// whose width, and the time constant of their memory, are those of the largest marginal likelihood (Laplace's
+// approximation).
 #pragma once
 
 #include <string>
@@ -33,7 +35,8 @@ struct ImprovementTask {
   const std::vector<BenchRecording>* bench = nullptr;
   const std::vector<std::vector<NoiseModel>>* noise = nullptr;
   std::vector<std::size_t> train, held_out;
-  std::vector<const Effect*> candidates, tables;  // effects, and empirical terms, that may be added
+  // What may be added: effects, and of the empirical terms those that correct the kinetics, and tables.
+  std::vector<const Effect*> candidates, corrections, tables;
   // Effects that the base has been given and that are named already; empty: none, they are looked for.
   std::vector<AddedTerm> named{};
   SimulationOptions simulation;  // the fine one; what stops it is used in all
