@@ -176,7 +176,12 @@ double unit_slope(const FreeParameter& p, double u) {
 }
 
 bool is_held(const Model& model, std::string_view path) {
-  if (path == "material.temperature" || path.starts_with("effects.empirical_")) return true;
+  if (path == "material.temperature") return true;
+  constexpr std::string_view effects = "effects.";
+  if (path.starts_with(effects)) {
+    const auto id = path.substr(effects.size(), path.rfind('.') - effects.size());
+    return find_effect(id).table;
+  }
   constexpr std::array of_switching{"material.remanent_polarization",
                                     "material.remanent_strain_90",
                                     "material.permittivity_90",

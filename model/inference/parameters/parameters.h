@@ -43,7 +43,7 @@ double from_unit(const FreeParameter& p, double u);
 double unit_slope(const FreeParameter& p, double u);
 
 // Whether nothing is estimated of a number: of the temperature, which only counts by its ratio to the
-// activation volume; of an empirical term's table, which was fitted as a whole; and, where no domain
+// activation volume; of an empirical table, which was fitted as a whole; and, where no domain
 // switches, as the barrier is above all that a fit may give one, of what only switching shows.
 bool is_held(const Model& model, std::string_view path);
 

@@ -31,7 +31,7 @@ constexpr auto stress_spread = "polycrystal.interaction_stress_std";
 // Whether an effect changes what the rates see and nothing of what enters linearly.
 bool is_of_rates(const EffectSetting& setting) {
   const auto& effect = find_effect(setting.id);
-  return effect.family == Family::kinetics && !effect.empirical;
+  return effect.family == Family::kinetics && !effect.table;
 }
 // Parameters of effects that are searched, by path: those whose product with P is a group, and the others.
 std::vector<std::string> effect_paths(const Model& model, bool times_polarization) {
