@@ -221,7 +221,7 @@ void Simulator::State::play_piece(const FieldPiece& piece, std::size_t index, st
   int rejections = 0;
   while (done < piece.duration) {
     const double remaining = piece.duration - done;
-    double h = std::min(step, mechanics->largest_step(slew));
+    double h = std::min(step, mechanics->largest_step(slew, options.tolerance));
     const bool last = h > 0.8 * remaining;
     if (last && h < remaining) h = h > remaining / 1.2 ? remaining : remaining / 2;
     if (h >= remaining) h = remaining;

@@ -48,8 +48,9 @@ class Mechanics {
   Equilibrium<T> propose(const T& h, MaterialState<T>& end) const;
   void accept(const T& h, MaterialState<T>& end);
   // Longest step, s, that shows the kinetics the ringing of the mass as long as it would change a rate
-  // noticeably, for a field that goes on at `slew` [V/m/s]. Infinite without a mass.
-  double largest_step(double slew) const;
+  // noticeably, to the tolerance of the simulation, for a field that goes on at `slew` [V/m/s]. Infinite
+  // without a mass.
+  double largest_step(double slew, double tolerance) const;
   // From now on down to rounding.
   void solve_tightly() { balance_ = 1e-15; }
 
