@@ -130,6 +130,7 @@ void ForwardSelector::try_every_effect(const Trial* first) {
       start(*t.effects[0], starts_around(coarse_, *t.effects[0], effect_values(t, 0)));
     }
   for (const auto* e : without(task_.candidates, before)) start(*e, plausible_starts(coarse_, *e));
+  if (first != nullptr || !misled) starts = fits_.promising(from, starts, stage.tick);
   auto tried = fits_.begin(from, before, starts, options_.starts_per_effect, stage.tick);
   keep_of_each(tried, 1);
   if (tried.size() > options_.plausible_refits) tried.resize(options_.plausible_refits);

@@ -49,6 +49,7 @@ bool SelectionOptions::is_valid(std::string* error) const {
                                                                   {"plausible_refits", plausible_refits},
                                                                   {"starts_per_effect", starts_per_effect},
                                                                   {"starts_in_all", starts_in_all},
+                                                                  {"stepped_starts", stepped_starts},
                                                                   {"experiment_rows", experiment_rows}})
     if (value == 0) return wrong(std::string(name) + " must be at least 1");
   if (material_share == 1) return wrong("material_share must be below 1: an effect cannot take all there is");

@@ -44,6 +44,7 @@ struct SelectionOptions {
   std::size_t plausible_refits = 3;   // of all effects from plausible strengths, gone on with
   std::size_t starts_per_effect = 2;  // starts of one effect that are gone on with after a first step
   std::size_t starts_in_all = 12;     // likewise, of all effects
+  std::size_t stepped_starts = 24;    // beside a fit: starts that promise enough for that first step
   double abandoned = 2;           // A fit begun is abandoned if its sum of squares is so many times the best.
   double trusted_decrease = 3;    // or if it stays behind the best even if it gains so many times what a
                                   // Gauss-Newton step promises: promises are linear.

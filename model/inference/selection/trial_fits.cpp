@@ -10,6 +10,12 @@
 #include "model/inference/solver/projection.h"
 
 namespace ferrobench::model::inference {
+namespace {
+
+// A first step changes the strength of an effect by no more than this factor.
+constexpr double farthest_scale = 20;
+
+}  // namespace
 
 std::vector<EffectStart> starts_for(const Effect& effect, Starts starts) {
   std::vector<EffectStart> out;
@@ -72,6 +78,41 @@ const Fit& TrialFits::as_given(const Fit& from) {
   apply_fidelity_correction(coarse_, fine_, *as_given_);
   refresh_jacobian(coarse_, *as_given_);
   return *as_given_;
+}
+
+std::vector<EffectStart> TrialFits::promising(const Fit& from, const std::vector<EffectStart>& starts,
+                                              const std::function<void()>& in_between) const {
+  constexpr std::size_t batch = 16;
+  const Projection projection(from);
+  std::vector<std::pair<double, std::size_t>> drops;
+  for (std::size_t begin = 0; begin < starts.size(); begin += batch) {
+    if (in_between) in_between();
+    const std::size_t end = std::min(starts.size(), begin + batch);
+    std::vector<Hypothesis> hypotheses;
+    hypotheses.reserve(end - begin);
+    std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
+    for (std::size_t i = begin; i < end; ++i) {
+      hypotheses.push_back(with_effect(from.hypothesis, *starts[i].effect, starts[i].values));
+      auto z = prior_mean(hypotheses.back());
+      z.head(from.z.size()) = from.z;
+      places.emplace_back(&hypotheses.back(), std::move(z));
+    }
+    const auto there = coarse_.evaluate(places);
+    for (std::size_t i = begin; i < end; ++i) {
+      const Drop d = projection.drop(from.corrected(there[i - begin]) - from.residual);
+      // Of the response at the strength that it asks for, as far as one step may lead there.
+      const double scale =
+          std::clamp(d.along / std::max(d.across, 1e-300), 1 / farthest_scale, farthest_scale);
+      drops.emplace_back(d.at(scale), i);
+    }
+  }
+  std::ranges::stable_sort(drops, std::greater<>(), &std::pair<double, std::size_t>::first);
+  std::map<const Effect*, std::size_t> seen;
+  std::vector<EffectStart> out;
+  for (const auto& [drop, i] : drops)
+    if (seen[starts[i].effect]++ < options_.starts_per_effect) out.push_back(starts[i]);
+  if (out.size() > options_.stepped_starts) out.resize(options_.stepped_starts);
+  return out;
 }
 
 std::vector<Trial> TrialFits::begin(const Fit& from, const std::vector<const Effect*>& before,

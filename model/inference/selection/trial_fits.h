@@ -44,6 +44,11 @@ class TrialFits {
   // `from` with the base parameters as given and effects as they stand. Without an effect that is there the
   // parameters may have gone far astray, and then what was given is the better start.
   const Fit& as_given(const Fit& from);
+  // The starts whose response, by the score test around `from`, promises most, at most so many of each effect
+  // and in all (SelectionOptions). `from` must be a fit: elsewhere responses are no measure of what a refit
+  // will gain.
+  std::vector<EffectStart> promising(const Fit& from, const std::vector<EffectStart>& starts,
+                                     const std::function<void()>& in_between) const;
   // A step from each start, two more from those that are best then, at most so many of each effect. Best
   // first.
   std::vector<Trial> begin(const Fit& from, const std::vector<const Effect*>& before,
