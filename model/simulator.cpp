@@ -17,6 +17,10 @@ constexpr double error_per_defect = 0.2;
 // trapezoidal rule over means does not see.
 constexpr double late_at_the_end = 1.0 / 24;
 
+// After so many rejections in a row a step is a few thousandths of what was tried first, so that it is not
+// its length that keeps the loads from being found.
+constexpr int rejections_until_stuck = 6;
+
 // A plan is followed with the loads solved down to rounding: a difference of two such runs is to show slopes,
 // not the coupling's tolerance.
 constexpr Coupling::Accuracy tight{.exact = 1e-14, .good_enough = 1e-6, .evaluations = 40};
@@ -93,7 +97,7 @@ double Simulator::State::path_rate(double slew) const {
 }
 
 // Solves the step's end: the loads that the kinetics see must be those that the fractions bring about.
-bool Simulator::State::solve(Trial<double>& trial) {
+bool Simulator::State::solve(Trial<double>& trial, bool stuck) {
   const auto first_guess = guess(trial.h);
   if (!vanishes(ports.fatigue)) kinetics->set_polarization(remanent(dissipated_by(first_guess)));
   trial.end = material;
@@ -108,8 +112,11 @@ bool Simulator::State::solve(Trial<double>& trial) {
   trial.means = first_guess;
   // Behind drag or resistance the loads follow from rates, which mean fractions that hardly move do not
   // bound.
-  const Coupling::Accuracy usual{.tolerance = 0.05 * options.tolerance,
-                                 .agreement = by_rates ? 1e-3 : std::numeric_limits<double>::infinity()};
+  Coupling::Accuracy usual{.tolerance = 0.05 * options.tolerance,
+                           .agreement = by_rates ? 1e-3 : std::numeric_limits<double>::infinity()};
+  // They may be many kT away, above all at the start, where domains that a prestress drives set out without
+  // drag; one evaluation leads about one kT nearer, and a shorter step does not make the way shorter.
+  if (stuck) usual.evaluations = 200;
   return coupling.solve(
       at, {field_scale(), stress_scale()}, followed == nullptr ? usual : tight, [&](const Loads& loads) {
         at = loads;
@@ -233,7 +240,7 @@ void Simulator::State::play_piece(const FieldPiece& piece, std::size_t index, st
     Trial<double> trial;
     trial.h = h;
     trial.monitor = h == remaining ? piece.to : piece.from + slew * (done + h);
-    const bool solved = solve(trial);
+    const bool solved = solve(trial, rejections > rejections_until_stuck);
     const double error = solved ? step_error(trial, ends) : std::numeric_limits<double>::infinity();
     const double ratio = error / options.tolerance;
     if (!solved || !(ratio <= 2)) {

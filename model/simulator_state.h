@@ -69,7 +69,8 @@ struct Simulator::State : Surroundings<double> {
 
  private:
   double path_rate(double slew) const;
-  bool solve(Trial<double>& trial);
+  // `stuck`: shorter steps have not helped.
+  bool solve(Trial<double>& trial, bool stuck = false);
   double defect(const Trial<double>& trial) const;
   struct WellEnds {
     double sharpness = 0;  // c, 1/s

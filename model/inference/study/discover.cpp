@@ -252,8 +252,15 @@ class Inquiry {
     auto task = improvement_task(s_, fine_.simulation(), share_of_selection);
     task.named = s_.out.added;
     if (task.named.empty()) task.by_noise = &coarse_;
-    auto improved = improve(after_, task);
-    if (improved.added.size() > task.named.size()) improved_ = std::move(improved);
+    try {
+      auto improved = improve(after_, task);
+      if (improved.added.size() > task.named.size()) improved_ = std::move(improved);
+    } catch (const Error& failure) {
+      // What was found stands, whatever becomes of the attempt to narrow what it leaves.
+      if (failure.code() != ErrorCode::numerical) throw;
+      s_.out.health.warnings.push_back("What is left could not be narrowed: " + std::string(failure.what()) +
+                                       ".");
+    }
   }
 
   void tell_improvement() {

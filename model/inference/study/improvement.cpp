@@ -241,18 +241,19 @@ class Improver {
   // Whether it takes away what is demanded on both sides; then it is taken.
   bool accept(HypothesisPoint next, const Effect* effect) {
     auto trial = incumbent_.weigh(next);
+    const auto is_enough = [&] { return trial && trial->least() >= demanded_; };
     // A table remembers turning points, so that a past shows which the model before it did not feel.
-    if (trial.least() < demanded_ && effect->table && !incumbent_.by_noise()) {
+    if (!is_enough() && effect->table && !incumbent_.by_noise()) {
       const auto before = incumbent_.pasts();
       if (incumbent_.choose_pasts(next)) trial = incumbent_.weigh(next);
-      if (trial.least() < demanded_ && task_.set_pasts) task_.set_pasts(before);
+      if (!is_enough() && task_.set_pasts) task_.set_pasts(before);
     }
-    if (trial.least() < demanded_) return false;
+    if (!is_enough()) return false;
     out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
                           .empirical = effect->empirical,
-                          .share = std::max(0.0, trial.share)});
-    if (!task_.held_out.empty()) out_.added.back().share_held_out = std::max(0.0, trial.share_held_out);
-    incumbent_.accept(std::move(next), std::move(trial));
+                          .share = std::max(0.0, trial->share)});
+    if (!task_.held_out.empty()) out_.added.back().share_held_out = std::max(0.0, trial->share_held_out);
+    incumbent_.accept(std::move(next), *std::move(trial));
     return true;
   }
 

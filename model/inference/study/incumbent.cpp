@@ -45,7 +45,7 @@ Signals Incumbent::miss(const HypothesisPoint& at, const std::vector<std::size_t
   return predict(fine, coarse, at.hypothesis, at.z).standardized;
 }
 
-Comparison Incumbent::weigh(const HypothesisPoint& next) const {
+std::optional<Comparison> Incumbent::weigh(const HypothesisPoint& next) const {
   const auto share_by_noise = [](const Signals& before, const Signals& after) {
     return 1 - excess_squares(after) / excess_squares(before);
   };
@@ -54,7 +54,13 @@ Comparison Incumbent::weigh(const HypothesisPoint& next) const {
     return 1 -
            excess_beside_error(noise_, after, recordings) / excess_beside_error(noise_, before, recordings);
   };
-  Comparison out{.learned = miss(next, task_.train), .locked = miss(next, task_.held_out)};
+  Comparison out;
+  try {
+    out = {.learned = miss(next, task_.train), .locked = miss(next, task_.held_out)};
+  } catch (const Error& failure) {
+    if (failure.code() != ErrorCode::numerical) throw;
+    return std::nullopt;
+  }
   out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
   // What does not show in the locked recordings cannot be proved there; it must not come to show there
   // either.
@@ -132,10 +138,10 @@ void Incumbent::weigh_rows() {
 bool Incumbent::refit() {
   auto fit = refitted();
   auto after = weigh({at_.hypothesis, fit.z});
-  if (after.least() < -most_lost) return false;
+  if (!after || after->least() < -most_lost) return false;
   move(std::move(fit));
-  learned_ = std::move(after.learned);
-  locked_ = std::move(after.locked);
+  learned_ = std::move(after->learned);
+  locked_ = std::move(after->locked);
   return true;
 }
 

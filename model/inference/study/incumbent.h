@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,7 +47,9 @@ class Incumbent {
   // 2 ln of the likelihood ratio over the incumbent.
   double log_likelihood_ratio(const Fit& with) const;
   double log_likelihood_ratio(const Comparison& with) const;
-  Comparison weigh(const HypothesisPoint& next) const;
+  // Empty where the fine simulation cannot play one of the recordings: the coarse one, by which fits are
+  // made, may have.
+  std::optional<Comparison> weigh(const HypothesisPoint& next) const;
 
   // Makes error and fit agree with each other; both move little after two rounds.
   void settle(int rounds = 2);
