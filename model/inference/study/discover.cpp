@@ -218,8 +218,7 @@ class Inquiry {
     given.z = prior_mean(base_);
     improved_ = improve(given, improvement_task(s_, fine_.simulation(), share_of_recalibration));
     if (is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
-    // Was it a large effect, or a valley of the base's parameters that noise alone did not lead out of, and
-    // no physics that is off? Then noise alone is the measure after all.
+    // A large effect, or a valley that noise alone did not lead out of: then noise is the measure after all.
     const bool base_alone = improved_->added.empty();
     if (!base_alone && std::ranges::all_of(improved_->added, &AddedTerm::empirical)) return;
     auto again =
@@ -256,10 +255,8 @@ class Inquiry {
       auto improved = improve(after_, task);
       if (improved.added.size() > task.named.size()) improved_ = std::move(improved);
     } catch (const Error& failure) {
-      // What was found stands, whatever becomes of the attempt to narrow what it leaves.
-      if (failure.code() != ErrorCode::numerical) throw;
-      s_.out.health.warnings.push_back("What is left could not be narrowed: " + std::string(failure.what()) +
-                                       ".");
+      if (failure.code() != ErrorCode::numerical) throw;  // what was found stands
+      s_.out.health.warnings.push_back(std::string("What is left was not narrowed: ") + failure.what() + ".");
     }
   }
 
