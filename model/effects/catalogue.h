@@ -83,7 +83,8 @@ struct Effect {
   std::string_view id;
   std::string_view equation;  // plain text
   Family family = Family::kinetics;
-  // The first is the amplitude: where it fades, so does the effect. The others are its shape.
+  // The first is the amplitude: where it fades, so does the effect, unless `fades` says no. The others are
+  // its shape.
   std::vector<EffectParameter> parameters;
   std::string_view shows;  // channels and segments in which it is seen
   Install install;
@@ -96,6 +97,9 @@ struct Effect {
   // An empirical term that is linear in its weights (effects/empirical.h); the others correct the kinetics by
   // a few numbers and are fitted as effects are.
   bool table = false;
+  // False where an amplitude of next to nothing is not the base model: a spring that only pushes is another
+  // one at any gap.
+  bool fades = true;
 };
 
 // All effects, by id.

@@ -130,6 +130,14 @@ TEST(Verdict, DoubtsWhatMayBeNothing) {
   EXPECT_EQ(judged(one(trial("viscoelastic_creep", {1e-12, 1}, 20))).verdict, Verdict::unknown);
 }
 
+// A spring that only pushes shows however narrow the gap is, and at one of which nothing is known but that it
+// is narrow.
+TEST(Verdict, BelievesWhatIsThereAtAnyAmplitude) {
+  EXPECT_EQ(judged(one(trial("contact_gap", {1e-8}, 20))).verdict, Verdict::named);
+  EXPECT_EQ(judged(one(trial("contact_gap", {1e-9}, 0.1))).verdict, Verdict::named);
+  EXPECT_EQ(judged(one(trial("contact_gap", {1e-4}, 0.1))).verdict, Verdict::unknown);
+}
+
 // Another that is to be believed is named though it fits less well.
 TEST(Verdict, PrefersWhatIsToBeBelieved) {
   auto forward = one(trial("prestress_relaxation", {0.72, 10}, 0.01));

@@ -64,7 +64,7 @@ class ForwardSelector {
 
 // Fills in what is left after a trial, and returns the effects that would take most of it.
 std::vector<Screened> ForwardSelector::check(Trial& t, bool seconds_wanted, double from, double to) const {
-  if (t.checked) return {};
+  if (t.checked && !seconds_wanted) return {};
   fits_.polish(t, [&] { fits_.tick("is it enough", from); });
   t.checked = true;
   if (task_.beyond_effects)

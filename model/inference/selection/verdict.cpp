@@ -256,7 +256,9 @@ bool is_believable(const Trial& trial, const SelectionOptions& options) {
           // only amplitude over time constant is determined, and the amplitude's own interval reaches zero
           // however surely something relaxes.
           const double reach = reaches.at_shape;
-          out = out && value > p.low / about && value < p.high * about;
+          out = out && value < p.high * about;
+          if (!effect.fades) return;  // it is there at any amplitude
+          out = out && value > p.low / about;
           // On a logarithmic scale nothing ever vanishes; there an interval that is as wide as the value and
           // reaches the weak end counts as reaching nothing.
           const bool to_the_end = (p.off_at_infinity ? z + reach >= c.high : z - reach <= c.low);
