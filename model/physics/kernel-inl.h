@@ -130,6 +130,10 @@ HWY_INLINE Forces forces(const Broadcast& k, const DomainColumns& domains, std::
   return {hn::Sub(even, odd), hn::Add(even, odd), stress};
 }
 
+struct Barrier {
+  V height, inverse;  // dg0 and 1 / dg0
+};
+
 template <class Law, std::size_t n>
 HWY_INLINE PerTransition<n> log_rates(const Broadcast& k, const DomainColumns& domains, std::size_t i,
                                       const Forces& f) {
@@ -143,24 +147,24 @@ HWY_INLINE PerTransition<n> log_rates(const Broadcast& k, const DomainColumns& d
     back_inverse = hn::Div(inverse, factor);
   }
   PerTransition<n> out;
-  const auto between = [&](auto law, V force, V dg0, V dg0_inverse, V back, V inverse_back, V factor,
-                           V back_factor, V& v, V& v_back) HWY_ATTR {
-    if (k.asymmetric)
-      decltype(law)::barriers(k, force, hn::Mul(dg0, factor), hn::Div(dg0_inverse, factor),
-                              hn::Mul(back, back_factor), hn::Div(inverse_back, back_factor), v, v_back);
-    else
-      decltype(law)::barriers(k, force, dg0, dg0_inverse, back, inverse_back, v, v_back);
-    v = hn::Mul(v, k.minus_inverse_energy);
-    v_back = hn::Mul(v_back, k.minus_inverse_energy);
+  // `factor` and `back_factor` are those of the asymmetry.
+  const auto between = [&](auto law, V force, Barrier away, Barrier back, V factor, V back_factor, V& l,
+                           V& l_back) HWY_ATTR {
+    if (k.asymmetric) {
+      away = {hn::Mul(away.height, factor), hn::Div(away.inverse, factor)};
+      back = {hn::Mul(back.height, back_factor), hn::Div(back.inverse, back_factor)};
+    }
+    decltype(law)::barriers(k, force, away.height, away.inverse, back.height, back.inverse, l, l_back);
+    l = hn::Mul(l, k.minus_inverse_energy);
+    l_back = hn::Mul(l_back, k.minus_inverse_energy);
   };
-  between(Law{}, f.plus, barrier, inverse, back_barrier, back_inverse, k.towards_minus, k.towards_plus,
-          out.v[0], out.v[1]);
-  between(Law{}, f.minus, barrier, inverse, back_barrier, back_inverse, k.towards_plus, k.towards_minus,
-          out.v[3], out.v[2]);
+  const Barrier from_180{barrier, inverse}, from_90{back_barrier, back_inverse};
+  between(Law{}, f.plus, from_180, from_90, k.towards_minus, k.towards_plus, out.v[0], out.v[1]);
+  between(Law{}, f.minus, from_180, from_90, k.towards_plus, k.towards_minus, out.v[3], out.v[2]);
   if constexpr (n > 4) {
-    const V direct = hn::Mul(barrier, k.direct_barrier), direct_inverse = hn::Div(inverse, k.direct_barrier);
-    between(EqualCurvature{}, hn::Sub(f.plus, f.minus), direct, direct_inverse, direct, direct_inverse,
-            k.towards_minus, k.towards_plus, out.v[4], out.v[5]);
+    const Barrier direct{hn::Mul(barrier, k.direct_barrier), hn::Div(inverse, k.direct_barrier)};
+    between(EqualCurvature{}, hn::Sub(f.plus, f.minus), direct, direct, k.towards_minus, k.towards_plus,
+            out.v[4], out.v[5]);
     out.v[4] = hn::Add(out.v[4], k.direct_log_rate);
     out.v[5] = hn::Add(out.v[5], k.direct_log_rate);
   }

@@ -257,10 +257,17 @@ std::array<long double, 2> exact_change(const std::array<double, 4>& q, long dou
           by_flow * (c * ninety - e * minus) + by_adjoint * (a * c - minus * determinant)};
 }
 
+// Rates from one to the other, 3 % apart.
+std::vector<double> decades(double from, double to) {
+  std::vector<double> out{from};
+  while (out.back() * 1.03 < to) out.push_back(out.back() * 1.03);
+  return out;
+}
+
 // What is left of a fast pair's way to equilibrium must not look like a flow when its rate multiplies it.
 TEST_F(KernelPropagation, LeavesNoFlowBehindAFastPair) {
   Held held;
-  for (double a = 1e3; a < 1e12; a *= 1.03) held.add({a, 0.7 * a, 0, 0}, 1, 0);
+  for (const double a : decades(1e3, 1e12)) held.add({a, 0.7 * a, 0, 0}, 1, 0);
   const std::size_t count = held.plus.size();
   held.step();
   for (std::size_t i = 0; i < count; ++i) {
@@ -273,7 +280,7 @@ TEST_F(KernelPropagation, LeavesNoFlowBehindAFastPair) {
 TEST_F(KernelPropagation, IsExactToItsErrorAlongAnEigenvector) {
   // With one transition alone, a of what is in x+ leaves as 1 - exp(-a).
   Held held;
-  for (double a = 1e-12; a < 1e16; a *= 1.03) held.add({a, 0, 0, 0}, 1, 0);
+  for (const double a : decades(1e-12, 1e16)) held.add({a, 0, 0, 0}, 1, 0);
   const std::size_t count = held.plus.size();
   held.step();
   double largest = 0;
