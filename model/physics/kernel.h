@@ -1,6 +1,7 @@
 // The inner loop of the model: transition rates and phase fractions of many domains over one step.
 //
-// Vector code for the processor it runs on is chosen at run time; every choice agrees to 1e-11.
+// Vector code for the processor it runs on is chosen at run time; every choice agrees to 1e-12, or to 1e-11
+// where barriers differ by polarity.
 //
 // A step of h seconds takes the logarithm of each rate as a parabola in time: its ends from the loads there,
 // its bend from the barrier's curvature and from how far the loads at mid-step are off the line between the
