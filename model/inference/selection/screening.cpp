@@ -43,6 +43,22 @@ struct Probe {
 
 }  // namespace
 
+std::vector<Eigen::VectorXd> responses(const WhitenedResiduals& residuals, const Fit& fit,
+                                       std::span<const EffectStart> effects) {
+  std::vector<Hypothesis> hypotheses;
+  hypotheses.reserve(effects.size());
+  std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
+  for (const auto& e : effects) {
+    hypotheses.push_back(with_effect(fit.hypothesis, *e.effect, e.values));
+    auto z = prior_mean(hypotheses.back());
+    z.head(fit.z.size()) = fit.z;
+    places.emplace_back(&hypotheses.back(), std::move(z));
+  }
+  auto out = residuals.evaluate(places);
+  for (auto& r : out) r = fit.corrected(r) - fit.residual;
+  return out;
+}
+
 std::vector<Screened> screen(const WhitenedResiduals& residuals, const Fit& fit,
                              const ScreenOptions& options) {
   const Projection projection(fit);
@@ -80,7 +96,6 @@ std::vector<Screened> screen(const WhitenedResiduals& residuals, const Fit& fit,
     return values;
   };
 
-  constexpr std::size_t batch = 16;
   for (int round = 0; round < options.rounds; ++round) {
     std::vector<Probe*> open;
     for (auto& p : probes)
@@ -88,18 +103,12 @@ std::vector<Screened> screen(const WhitenedResiduals& residuals, const Fit& fit,
     // Those that differ in sensors only together: one simulation shows them all.
     std::stable_partition(open.begin(), open.end(),
                           [&](const Probe* p) { return is_sensor(out[p->effect].effect->family); });
-    for (std::size_t begin = 0; begin < open.size(); begin += batch) {
-      const std::size_t end = std::min(open.size(), begin + batch);
-      std::vector<Hypothesis> hypotheses;
-      hypotheses.reserve(end - begin);
-      std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
-      for (std::size_t i = begin; i < end; ++i) {
-        hypotheses.push_back(with_effect(fit.hypothesis, *out[open[i]->effect].effect, values_of(*open[i])));
-        auto z = prior_mean(hypotheses.back());
-        z.head(fit.z.size()) = fit.z;
-        places.emplace_back(&hypotheses.back(), std::move(z));
-      }
-      const auto there = residuals.evaluate(places);
+    for (std::size_t begin = 0; begin < open.size(); begin += responses_at_a_time) {
+      const std::size_t end = std::min(open.size(), begin + responses_at_a_time);
+      std::vector<EffectStart> asked;
+      for (std::size_t i = begin; i < end; ++i)
+        asked.push_back({out[open[i]->effect].effect, values_of(*open[i])});
+      const auto there = responses(residuals, fit, asked);
       for (std::size_t i = begin; i < end; ++i) {
         auto& p = *open[i];
         auto& s = out[p.effect];
@@ -112,7 +121,7 @@ std::vector<Screened> screen(const WhitenedResiduals& residuals, const Fit& fit,
           p.done = std::abs(std::log(next / p.strength)) < 0.1;
           p.strength = next;
         };
-        const Eigen::VectorXd r = fit.corrected(there[i - begin]) - fit.residual;
+        const Eigen::VectorXd& r = there[i - begin];
         if (WhitenedResiduals::is_unsolved(r)) {
           go_to(0.1 * p.strength);
           continue;

@@ -12,6 +12,18 @@
 
 namespace ferrobench::model::inference {
 
+// An effect at values of its parameters.
+struct EffectStart {
+  const Effect* effect = nullptr;
+  std::vector<double> values;
+};
+
+// How each of these, added where the fit stands, changes the whitened residual. Those that differ in sensors
+// only share a simulation. Many are asked for by and by: each answer is as long as the recordings.
+inline constexpr std::size_t responses_at_a_time = 16;
+std::vector<Eigen::VectorXd> responses(const WhitenedResiduals& residuals, const Fit& fit,
+                                       std::span<const EffectStart> effects);
+
 struct Screened {
   const Effect* effect = nullptr;
   std::vector<double> values;  // of its parameters, where it explains most

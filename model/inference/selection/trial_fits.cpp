@@ -82,28 +82,17 @@ const Fit& TrialFits::as_given(const Fit& from) {
 
 std::vector<EffectStart> TrialFits::promising(const Fit& from, const std::vector<EffectStart>& starts,
                                               const std::function<void()>& in_between) const {
-  constexpr std::size_t batch = 16;
   const Projection projection(from);
   std::vector<std::pair<double, std::size_t>> drops;
-  for (std::size_t begin = 0; begin < starts.size(); begin += batch) {
+  for (std::size_t begin = 0; begin < starts.size(); begin += responses_at_a_time) {
     if (in_between) in_between();
-    const std::size_t end = std::min(starts.size(), begin + batch);
-    std::vector<Hypothesis> hypotheses;
-    hypotheses.reserve(end - begin);
-    std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>> places;
-    for (std::size_t i = begin; i < end; ++i) {
-      hypotheses.push_back(with_effect(from.hypothesis, *starts[i].effect, starts[i].values));
-      auto z = prior_mean(hypotheses.back());
-      z.head(from.z.size()) = from.z;
-      places.emplace_back(&hypotheses.back(), std::move(z));
-    }
-    const auto there = coarse_.evaluate(places);
-    for (std::size_t i = begin; i < end; ++i) {
-      const Drop d = projection.drop(from.corrected(there[i - begin]) - from.residual);
+    const auto part = std::span(starts).subspan(begin, std::min(responses_at_a_time, starts.size() - begin));
+    for (const auto& response : responses(coarse_, from, part)) {
+      const Drop d = projection.drop(response);
       // Of the response at the strength that it asks for, as far as one step may lead there.
       const double scale =
           std::clamp(d.along / std::max(d.across, 1e-300), 1 / farthest_scale, farthest_scale);
-      drops.emplace_back(d.at(scale), i);
+      drops.emplace_back(d.at(scale), drops.size());
     }
   }
   std::ranges::stable_sort(drops, std::greater<>(), &std::pair<double, std::size_t>::first);

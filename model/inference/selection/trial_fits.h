@@ -13,11 +13,7 @@
 
 namespace ferrobench::model::inference {
 
-// An effect, and where its parameters stand at first.
-struct EffectStart {
-  const Effect* effect = nullptr;
-  std::vector<double> values;
-};
+// One start of the effect at each of these values of its parameters.
 std::vector<EffectStart> starts_for(const Effect& effect, Starts starts);
 
 // Keeps the first `most` trials of each set of effects.
