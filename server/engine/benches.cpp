@@ -2,6 +2,9 @@
 
 #include <unistd.h>
 
+#include <cerrno>
+#include <charconv>
+#include <csignal>
 #include <filesystem>
 
 #include "base/fields.h"
@@ -11,6 +14,18 @@
 namespace ferrobench::server {
 
 namespace fs = std::filesystem;
+
+namespace {
+
+// The process that a bench's socket is named after.
+bool is_alive(std::string_view socket) {
+  socket.remove_prefix(bench::socket_prefix.size());
+  pid_t process = 0;
+  const auto end = std::from_chars(socket.data(), socket.data() + socket.size(), process);
+  return end.ec == std::errc() && process > 0 && (kill(process, 0) == 0 || errno != ESRCH);
+}
+
+}  // namespace
 
 void bring_to_zero(const std::shared_ptr<BenchLink>& link, const std::string& driver,
                    const nlohmann::json& configuration) {
@@ -95,8 +110,8 @@ std::shared_ptr<BenchLink> Benches::take_over(const std::string& folder) {
     const auto name = entry.path().filename().string();
     if (!name.starts_with(bench::socket_prefix) || !name.ends_with(bench::socket_suffix)) continue;
     auto link = BenchLink::taken_over(entry.path().string());
-    if (!link) {
-      unlink(entry.path().c_str());  // its bench has died; one that lives has a socket that answers
+    if (!link) {  // its bench has died, or does not listen yet
+      if (!is_alive(name)) unlink(entry.path().c_str());
       continue;
     }
     if (link->ready().run == 0) continue;

@@ -3,6 +3,7 @@
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
 
+#include "recordings/file/recover.h"
 #include "recordings/format/iso_time.h"
 #include "server/engine/live.h"
 
@@ -11,6 +12,16 @@ namespace ferrobench::server {
 namespace {
 
 constexpr std::size_t most_runs = 1000;  // remembered, with their idempotency keys
+// On a busy machine a bench process may take so long to see that its server has died, or to die with it. Its
+// recording stays locked meanwhile.
+constexpr std::chrono::seconds bench_patience{5};
+
+bool is_written(const std::string& folder) {
+  const auto journals = recordings::find_broken(folder);
+  return std::ranges::any_of(journals, [](const std::string& path) {
+    return recordings::journal_state(path) == recordings::JournalState::being_written;
+  });
+}
 
 // Does it however the scope is left.
 template <class F>
@@ -78,7 +89,13 @@ void Engine::stop() {
 
 std::string Engine::take_over() {
   takes_over_ = true;
-  const auto link = benches_.take_over(store_.folder().string());
+  const auto folder = store_.folder().string();
+  auto link = benches_.take_over(folder);
+  for (const auto until = std::chrono::steady_clock::now() + bench_patience;
+       !link && is_written(folder) && std::chrono::steady_clock::now() < until;) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    link = benches_.take_over(folder);
+  }
   if (!link) return "";
   std::shared_ptr<Run> run;
   try {

@@ -48,7 +48,8 @@ class Engine {
   // For a daemon, before its first run: the run of a bench that has lost its server, if there is one in the
   // data folder, goes on as the run of this engine, and this engine's runs wait for the next daemon in their
   // turn. What was found, in a sentence; "" if nothing was. Without it a run whose program dies ends by
-  // itself.
+  // itself. Waits, for 5 s at most, while a recording of the folder is written by a bench that does not
+  // answer.
   std::string take_over();
   // Starts the bench process now rather than when it is first needed: what it lacks to be on time on a busy
   // machine, or "". Error(device_unavailable).

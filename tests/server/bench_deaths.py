@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
 import daemon_client
@@ -142,6 +143,42 @@ def server_killed_and_late(daemon):
     whole(daemon, daemon.over(run), acknowledged, "aborted", "the server has ended")
 
 
+def after_a_second(act):
+    timer = threading.Timer(1, act)
+    timer.start()
+    return timer
+
+
+def server_killed_and_bench_slow(daemon):
+    """The next server is there before the bench has seen that it lost the last one."""
+    run = daemon.run()
+    acknowledged = daemon.status()["rows_on_disk"]
+    bench = daemon.bench()[0]
+    os.kill(bench, signal.SIGSTOP)
+    daemon.kill()
+    goes_on = after_a_second(lambda: os.kill(bench, signal.SIGCONT))
+    daemon.start()
+    goes_on.join()
+    info, last = whole(daemon, daemon.over(run), acknowledged, "aborted", "the server has ended")
+    demand(last == 0, "the recording ends at zero", last)
+
+
+def both_killed_and_bench_slow(daemon):
+    """The next server is there before the bench has died."""
+    daemon.run()
+    acknowledged = daemon.status()["rows_on_disk"]
+    name = daemon.status()["recording"]
+    bench = daemon.bench()[0]
+    os.kill(bench, signal.SIGSTOP)
+    daemon.kill()
+    dies = after_a_second(lambda: os.kill(bench, signal.SIGKILL))
+    daemon.start()
+    dies.join()
+    demand(f"recovered {name}" in open(daemon.log).read(), "the log says what was made")
+    info, rows, last = daemon.file({"recording": name})
+    demand(rows >= acknowledged and info["status"] == "recovered", "the file", rows, info["status"])
+
+
 def server_killed_for_good(daemon):
     daemon.run()
     acknowledged = daemon.status()["rows_on_disk"]
@@ -222,8 +259,9 @@ def aborted_while_bench_hangs(daemon):
     daemon.over(run)
 
 
-WAYS = [server_killed, server_killed_and_late, server_killed_for_good, unattended, server_stopped,
-        server_stopped_for_a_moment, bench_killed, bench_stopped, aborted_while_bench_hangs]
+WAYS = [server_killed, server_killed_and_late, server_killed_and_bench_slow, both_killed_and_bench_slow,
+        server_killed_for_good, unattended, server_stopped, server_stopped_for_a_moment, bench_killed, bench_stopped,
+        aborted_while_bench_hangs]
 
 
 def at_random(program, runs, seed):

@@ -93,7 +93,8 @@ def check_recordings(daemon, items, whole_before):
     complete = {row["name"] for row in files if row["status"] == "complete"}
     demand(complete - whole_before == set(by_name), "complete recordings are those of the items, each once",
            sorted(complete - whole_before - set(by_name)))
-    demand(not [n for n in os.listdir(f"{daemon.folder}/recordings") if "journal" in n], "a journal is left")
+    journals = [n for n in os.listdir(f"{daemon.folder}/recordings") if "journal" in n]
+    demand(not journals, "a journal is left", journals, open(daemon.log).read())
     return complete
 
 
