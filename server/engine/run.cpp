@@ -247,10 +247,12 @@ void Run::closed(const bench::Closed& closed) {
   changed_.notify_all();
 }
 
+// Told by the link, and by whoever asked something of the bench meanwhile.
 void Run::lost(const std::string& why) {
+  const std::scoped_lock one_at_a_time(losing_);
   {
     const std::scoped_lock lock(mutex_);
-    if (closed_) return;  // the run had ended, and all of it has come
+    if (closed_ || lost_) return;  // the run had ended, and all of it has come; or this is known
   }
   publish({0, "fault", why});
   const std::scoped_lock lock(mutex_);
@@ -476,21 +478,24 @@ void Run::abort(const std::string& reason, bool again) {
   if (before && !again) hasten();
 }
 
-// A bench that does not take a stop has died or is over, and its run with it.
-void Run::stop(const std::string& reason) {
+// A bench that does not take it has died or is over, and its run with it. That it has died is known before
+// anybody is answered.
+template <class M>
+void Run::order_at_once(const M& order) {
   try {
-    link_->order_at_once(bench::Stop{.run = number_, .reason = reason});
-  } catch (const Error&) {
+    link_->order_at_once(order);
+  } catch (const Error& failure) {
+    if (link_->lost()) lost(failure.message());
   }
   tell();
 }
 
+void Run::stop(const std::string& reason) {
+  order_at_once(bench::Stop{.run = number_, .reason = reason});
+}
+
 void Run::hasten() {
-  try {
-    link_->order_at_once(bench::Hasten{.run = number_});
-  } catch (const Error&) {
-  }
-  tell();
+  order_at_once(bench::Hasten{.run = number_});
 }
 
 }  // namespace ferrobench::server

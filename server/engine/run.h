@@ -149,6 +149,8 @@ class Run : private RunWatcher {
   void show();
   void finish(const bench::Closed& closed);
   void recover(const std::string& why);
+  template <class M>
+  void order_at_once(const M& order);
   void end(RunEnding ending, const std::string& reason, bool recorded);
   void publish(const recordings::Event& event);
   void tell();
@@ -178,6 +180,7 @@ class Run : private RunWatcher {
 
   bool begun_ = false;
   std::atomic<bool> asked_to_stop_ = false;
+  std::mutex losing_;
   std::mutex telling_;  // what is told comes in the order in which it was so
   std::mutex joining_;
   std::thread follower_thread_;
