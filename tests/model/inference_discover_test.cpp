@@ -400,6 +400,44 @@ TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
   EXPECT_GE(domains_wanted(spread), 2 * domains_wanted(real_bench()));
 }
 
+// A few nodes give what many give at the anchor, nearly so around it, and far away the anchor is moved.
+TEST(Discrepancy, AnAnchorTakesOutMostOfTheErrorOfFewNodes) {
+  std::vector<std::string> warnings;
+  const auto bench = inference::prepare_bench(given(),
+                                              {{plans()[0].name, record(real_bench(), plans()[0], 1)},
+                                               {plans()[4].name, record(real_bench(), plans()[4], 2)}},
+                                              2000, warnings);
+  const auto noises = inference::estimate_noise(bench, warnings);
+  const auto hypothesis = inference::base_hypothesis(given(), bench);
+  const auto at = inference::prior_mean(hypothesis);
+  const SimulationOptions few{.tolerance = 1e-5, .domains = 250, .shift = 7},
+      many{.tolerance = 1e-5, .domains = 8000, .shift = 7},
+      exact{.tolerance = 1e-5, .domains = 60000, .shift = 5};
+  const inference::WhitenedRecordings reference(bench, noises, {0, 1}, exact, 2),
+      plain(bench, noises, {0, 1}, few, 2);
+  inference::WhitenedRecordings fine(bench, noises, {0, 1}, many, 2);
+  const auto there = fine.evaluate(hypothesis, at);
+  fine.anchor(hypothesis, at, there);
+  fine.simulate_by(few);
+  EXPECT_LT((fine.evaluate(hypothesis, at) - there).norm(), 1e-9 * there.norm());
+  const Eigen::VectorXd near = at.array() + 0.1;
+  const auto truth = reference.evaluate(hypothesis, near);
+  const double left = (fine.evaluate(hypothesis, near) - truth).squaredNorm(),
+               without = (plain.evaluate(hypothesis, near) - truth).squaredNorm();
+  EXPECT_LT(left, 0.1 * without) << without;
+
+  auto far = at;
+  for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i)
+    if (hypothesis.parameters[i].path == "polycrystal.barrier_log_std")
+      far[static_cast<Eigen::Index>(i)] += 8;
+  const auto converged = inference::converge_fine_fidelity(fine, hypothesis, far, 16000);
+  EXPECT_LT((converged.residual - reference.evaluate(hypothesis, far)).squaredNorm(), 20);
+  EXPECT_TRUE(fine.is_anchored());
+  EXPECT_LT((fine.evaluate(hypothesis, far) - converged.residual).norm(), 1e-9 * converged.residual.norm());
+  fine.release();
+  EXPECT_GE(fine.simulation().domains, many.domains);
+}
+
 // Where no correction is made, what is fitted must not be the grain of the coarse simulation's own sum.
 TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
   std::vector<std::string> warnings;

@@ -15,6 +15,39 @@ nlohmann::json felt(const Setting& s) {
 
 }  // namespace
 
+void WhitenedResiduals::simulate_by(const SimulationOptions& simulation) {
+  const auto* stop = simulation_.stop;
+  simulation_ = simulation;
+  simulation_.stop = stop;
+  find_difference();
+}
+
+void WhitenedResiduals::anchor(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                               Eigen::VectorXd residual) {
+  difference_ = nullptr;
+  anchor_ = {hypothesis, z, std::move(residual), simulation_, {}};
+}
+
+void WhitenedResiduals::release() {
+  difference_ = nullptr;
+  if (anchor_) simulation_ = anchor_->simulation;
+  anchor_.reset();
+}
+
+void WhitenedResiduals::find_difference() {
+  difference_ = nullptr;
+  if (anchor_ && simulation_.domains > anchor_->simulation.domains) anchor_.reset();
+  if (!anchor_) return;
+  const std::pair key{simulation_.domains, simulation_.shift};
+  auto found = anchor_->differences.find(key);
+  if (found == anchor_->differences.end()) {
+    Eigen::VectorXd difference = anchor_->residual - evaluate(anchor_->hypothesis, anchor_->z);
+    if (is_unsolved(difference)) difference.setZero();
+    found = anchor_->differences.emplace(key, std::move(difference)).first;
+  }
+  difference_ = &found->second;
+}
+
 std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
     const std::vector<std::pair<const Hypothesis*, Eigen::VectorXd>>& places) const {
   std::vector<Eigen::VectorXd> out(places.size(), Eigen::VectorXd(size_));
@@ -39,6 +72,8 @@ std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
   in_parallel(groups.size() * ordered.size(), threads_,
               [&](std::size_t i) { fill(groups[i % groups.size()], ordered[i / groups.size()]); });
   simulations_ += static_cast<int>(groups.size());
+  if (difference_ != nullptr)
+    for (auto& residual : out) residual += *difference_;
   return out;
 }
 

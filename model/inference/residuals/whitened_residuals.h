@@ -9,6 +9,7 @@
 
 #include <Eigen/Dense>
 #include <atomic>
+#include <map>
 #include <optional>
 #include <span>
 #include <utility>
@@ -31,11 +32,14 @@ class WhitenedResiduals {
   int simulations() const { return simulations_; }  // of the whole set
   const SimulationOptions& simulation() const { return simulation_; }
   // What may stop it stays.
-  void simulate_by(const SimulationOptions& simulation) {
-    const auto* stop = simulation_.stop;
-    simulation_ = simulation;
-    simulation_.stop = stop;
-  }
+  void simulate_by(const SimulationOptions& simulation);
+  // `residual` is what the simulation as it stands gives at z. From here on those of fewer nodes are shifted
+  // by what they lack of it there: the error of few nodes changes little with z, so it is its own control
+  // variate. Until more nodes are asked for, or release(); the noise must not change meanwhile.
+  void anchor(const Hypothesis& hypothesis, const Eigen::VectorXd& z, Eigen::VectorXd residual);
+  // Without an anchor again, by the simulation that it was made by.
+  void release();
+  bool is_anchored() const { return anchor_.has_value(); }
 
   // Measured less simulated. If the model cannot be solved there: rows of 1e6.
   Eigen::VectorXd evaluate(const Hypothesis& hypothesis, const Eigen::VectorXd& z) const;
@@ -81,7 +85,18 @@ class WhitenedResiduals {
   double samples_ = 0;
 
  private:
+  struct Anchor {
+    Hypothesis hypothesis;
+    Eigen::VectorXd z, residual;
+    SimulationOptions simulation;
+    // Of the simulations so far, by their nodes and shift; what cannot be simulated there has none.
+    std::map<std::pair<int, int>, Eigen::VectorXd> differences;
+  };
+  void find_difference();
+
   SimulationOptions simulation_;
+  std::optional<Anchor> anchor_;
+  const Eigen::VectorXd* difference_ = nullptr;  // of the simulation as it stands
   int threads_;
   mutable std::atomic<int> simulations_{0};
 };

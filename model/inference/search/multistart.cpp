@@ -47,7 +47,9 @@ Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, co
     options.roughly_fitted(best);
     best = minimize(coarse, base, best.z, solver);
   }
+  fine.release();
   apply_fidelity_correction(coarse, fine, best);
+  anchor_fine_fidelity(fine, base, best.z, best.residual);
   refine(coarse, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
   if (!std::isfinite(best.squares))
     throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",

@@ -16,15 +16,22 @@ struct ConvergedFidelity {
   double error = 0;          // its own, root mean square in standard deviations of the noise
 };
 // Doubles the nodes of the fine simulation, to `most_domains` at most, until two shifts of its lattice give
-// residuals at z that no verdict would tell apart.
+// residuals at z that no verdict would tell apart. If it is anchored, so far away that its error shows here,
+// the anchor is moved to z.
 ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
                                          const Eigen::VectorXd& z, int most_domains);
+// Anchors the fine simulation at z, where it gives `residual`, and goes on with fewer nodes: explanations are
+// compared with each other, and what the lattice adds to all of them alike is no part of that.
+void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+                          Eigen::VectorXd residual);
 // Root mean square by which the coarse simulation may differ from the fine one, in standard deviations of
-// noise and model error together. Where a correction takes most of the difference out it need only stay below
-// the noise. Where none is made it has to be small beside the model's error: on loops of a bulk ceramic at
-// 800 V, 250 domains were 8 % of the range off where the model missed by 3, and terms were found that
-// explained the grain of their sum.
-inline constexpr double coarse_error_if_corrected = 0.8, coarse_error_alone = 0.2;
+// noise and model error together. Where a fit is corrected, what counts is how the difference changes with z,
+// a tenth to a third of it on benches of the campaign; each new correction takes as much off what is left.
+// Twenty is what 250 nodes are off where the noise is a hundredth of a percent of the range. Where no
+// correction is made it has to be small beside the model's error: on loops of a bulk ceramic at 800 V, 250
+// domains were 8 % of the range off where the model missed by 3, and terms were found that explained the
+// grain of their sum.
+inline constexpr double coarse_error_if_corrected = 20, coarse_error_alone = 0.2;
 // Makes `fine` fine enough for the model at z, and `coarse` the cheapest simulation that differs from it by
 // no more than `coarse_error`. Returns the fine one's own error, as above.
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,

@@ -191,6 +191,7 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
     out.base = *std::move(out.forward.better_base);
     begun += 0.5 * (0.9 - begun);
   }
+  fine.release();
   out.selection = select_model(out.forward, selection, out.samples);
   const auto verdict = out.selection.verdict;
   if (verdict == Verdict::named || verdict == Verdict::ambiguous)
