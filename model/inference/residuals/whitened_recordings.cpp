@@ -184,18 +184,30 @@ void WhitenedRecordings::marginalize(Eigen::Ref<Eigen::VectorXd> column) const {
   for (const auto& a : drive_marginals_) marginalize(a, column);
 }
 
+Eigen::VectorXd WhitenedRecordings::miss_of(std::size_t position,
+                                            const std::vector<std::vector<double>>& simulated) const {
+  const auto& r = bench_[chosen_[position]];
+  const auto [first, last] = blocks_of_[position];
+  Eigen::VectorXd out(
+      first == last ? 0 : blocks_[last - 1].begin + blocks_[last - 1].count - blocks_[first].begin);
+  for (std::size_t b = first; b < last; ++b) {
+    const auto& block = blocks_[b];
+    out.segment(block.begin - blocks_[first].begin, block.count) =
+        whiten(block, r.channels[block.channel].value) - whiten(block, simulated[block.channel]);
+  }
+  return out;
+}
+
+double WhitenedRecordings::drive_squares(std::size_t position, const Eigen::VectorXd& normals,
+                                         const std::vector<std::vector<double>>& simulated) const {
+  return miss_of(position, simulated).squaredNorm() + normals.squaredNorm();
+}
+
 Eigen::VectorXd WhitenedRecordings::posterior_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& z,
                                                     std::size_t position, const Eigen::VectorXd& normals,
                                                     const std::vector<std::vector<double>>& simulated) const {
-  const auto& r = bench_[chosen_[position]];
-  const auto [first, last] = blocks_of_[position];
   const auto slopes = drive_jacobian(setting_at(hypothesis, z), position, normals);
-  Eigen::VectorXd miss = slopes * normals;
-  for (std::size_t b = first; b < last; ++b) {
-    const auto& block = blocks_[b];
-    miss.segment(block.begin - blocks_[first].begin, block.count) +=
-        whiten(block, r.channels[block.channel].value) - whiten(block, simulated[block.channel]);
-  }
+  const Eigen::VectorXd miss = slopes * normals + miss_of(position, simulated);
   Eigen::MatrixXd precision = slopes.transpose() * slopes;
   precision.diagonal().array() += 1;
   return precision.llt().solve(slopes.transpose() * miss);

@@ -56,6 +56,9 @@ class WhitenedRecordings final : public WhitenedResiduals {
                                   std::size_t position,  // in chosen()
                                   const Eigen::VectorXd& normals,
                                   const std::vector<std::vector<double>>& simulated) const;
+  // What that posterior's mean minimizes: squares of the whitened residuals, and of the normals.
+  double drive_squares(std::size_t position, const Eigen::VectorXd& normals,
+                       const std::vector<std::vector<double>>& simulated) const;
   // Measured less simulated over the noise's standard deviation, not whitened; NaN where not measured.
   std::vector<double> plain_residual(std::size_t recording, std::size_t channel,
                                      const std::vector<double>& simulated) const;
@@ -84,6 +87,8 @@ class WhitenedRecordings final : public WhitenedResiduals {
   // What a simulation of the recording may cost.
   SimulationOptions bounded(std::size_t recording) const;
   static double gain_of(const Setting& setting, recordings::Channel channel);
+  // A recording's part of measured less simulated, whitened.
+  Eigen::VectorXd miss_of(std::size_t position, const std::vector<std::vector<double>>& simulated) const;
   // Changes of a recording's part of the simulated signals, whitened, by the columns of knot_error.
   Eigen::MatrixXd drive_jacobian(const Setting& setting, std::size_t position,
                                  const Eigen::VectorXd& normals) const;
