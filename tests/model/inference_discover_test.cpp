@@ -522,6 +522,35 @@ TEST(Discrepancy, AMeasuredDriveIsSettledByTheChannels) {
   EXPECT_LT(off(settled), 0.5 * off(bench[0]));
 }
 
+// However far the drive is off, a prediction under the posterior drive does no worse than one under the drive
+// as read.
+TEST(Discrepancy, APredictionUnderAPosteriorDriveDoesNoWorse) {
+  const auto& plan = plans().back();
+  for (const double level : {3e4, 1e5, 3e5}) {
+    auto r = record(real_bench(), plan, 1);
+    std::mt19937_64 random(2);
+    std::normal_distribution<double> noise(0, level);
+    r.channels[static_cast<std::size_t>(Channel::command)].reset();
+    for (double& e : *r.channels[static_cast<std::size_t>(Channel::field)]) e += noise(random);
+    std::vector<std::string> warnings;
+    const auto bench = inference::prepare_bench(given(), {{plan.name, r}}, 2000, warnings);
+    const auto noises = inference::estimate_noise(bench, warnings);
+    const inference::WhitenedRecordings coarse(bench, noises, {0}, {.tolerance = 1e-4, .domains = 250}, 1),
+        fine(bench, noises, {0}, {.tolerance = 1e-5, .domains = 2000}, 1);
+    const auto truth = inference::base_hypothesis(real_bench(), bench);
+    const auto at = inference::prior_mean(truth);
+    const auto as_read = inference::rms_by_channel(fine, inference::predict(fine, truth, at).standardized);
+    const auto settled =
+        inference::rms_by_channel(fine, inference::predict(fine, coarse, truth, at).standardized);
+    for (const auto& [channel, rms] : settled) {
+      EXPECT_LE(rms, as_read.at(channel)) << level << recordings::channel_name(channel);
+      if (level <= 1e5) {
+        EXPECT_LT(rms, 1.2) << level << recordings::channel_name(channel);
+      }
+    }
+  }
+}
+
 // Noise with a memory moves the knots further than white noise of its level would, and they say so.
 TEST(Discrepancy, AMeasuredDriveIsAsUncertainAsItsNoiseHasMemory) {
   const auto off_over_stated = [](double memory) {
