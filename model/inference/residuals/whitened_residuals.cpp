@@ -38,7 +38,7 @@ void WhitenedResiduals::find_difference() {
   difference_ = nullptr;
   if (anchor_ && simulation_.domains > anchor_->simulation.domains) anchor_.reset();
   if (!anchor_) return;
-  const std::pair key{simulation_.domains, simulation_.shift};
+  const std::tuple key{simulation_.domains, simulation_.shift, simulation_.tolerance};
   auto found = anchor_->differences.find(key);
   if (found == anchor_->differences.end()) {
     Eigen::VectorXd difference = anchor_->residual - evaluate(anchor_->hypothesis, anchor_->z);

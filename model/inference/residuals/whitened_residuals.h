@@ -12,6 +12,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,9 @@ class WhitenedResiduals {
   const SimulationOptions& simulation() const { return simulation_; }
   // What may stop it stays.
   void simulate_by(const SimulationOptions& simulation);
+  // The simulation that the last steps of a fit are made by (solver/multifidelity.h).
+  const SimulationOptions& last_steps() const { return last_steps_; }
+  void make_last_steps_by(const SimulationOptions& simulation) { last_steps_ = simulation; }
   // `residual` is what the simulation as it stands gives at z. From here on those of fewer nodes are shifted
   // by what they lack of it there: the error of few nodes changes little with z, so it is its own control
   // variate. Until more nodes are asked for, or release(); the noise must not change meanwhile.
@@ -89,12 +93,13 @@ class WhitenedResiduals {
     Hypothesis hypothesis;
     Eigen::VectorXd z, residual;
     SimulationOptions simulation;
-    // Of the simulations so far, by their nodes and shift; what cannot be simulated there has none.
-    std::map<std::pair<int, int>, Eigen::VectorXd> differences;
+    // Of the simulations so far, by their nodes, shift and tolerance; what cannot be simulated there has
+    // none.
+    std::map<std::tuple<int, int, double>, Eigen::VectorXd> differences;
   };
   void find_difference();
 
-  SimulationOptions simulation_;
+  SimulationOptions simulation_, last_steps_ = simulation_;
   std::optional<Anchor> anchor_;
   const Eigen::VectorXd* difference_ = nullptr;  // of the simulation as it stands
   int threads_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 namespace ferrobench::model::inference {
 namespace {
@@ -47,11 +48,16 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
   constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4},
                                Choice{1000, 1e-5}, Choice{2000, 1e-4}, Choice{2000, 1e-5},
                                Choice{4000, 1e-4}, Choice{4000, 1e-5}};
+  std::optional<SimulationOptions> chosen;
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
-    if (root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), fine) < coarse_error) break;
+    const double off = root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), fine);
+    if (!chosen && off < coarse_error) chosen = coarse.simulation();
+    if (off < std::min(coarse_error, last_steps_error)) break;
   }
+  fine.make_last_steps_by(coarse.simulation());
+  if (chosen) coarse.simulate_by(*chosen);
   return error;
 }
 
@@ -100,7 +106,8 @@ void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
                           Eigen::VectorXd residual) {
   fine.anchor(hypothesis, z, std::move(residual));
   auto simulation = fine.simulation();
-  simulation.domains = std::min(simulation.domains, std::max(least_domains, simulation.domains / cheaper));
+  const int enough = std::max({least_domains, simulation.domains / cheaper, fine.last_steps().domains});
+  simulation.domains = std::min(simulation.domains, enough);
   fine.simulate_by(simulation);
 }
 
@@ -114,16 +121,24 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedRe
   apply_fidelity_correction(coarse, fine.evaluate(fit.hypothesis, fit.z), fit);
 }
 
-void refine(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& f,
+void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
             const std::function<void()>& tick) {
+  const auto exact = fine.simulation();
+  auto steps = fine.last_steps();
+  steps.domains = std::min(steps.domains, exact.domains);
   for (int round = 0; round < most_rounds; ++round) {
-    auto next = minimize(coarse, f.hypothesis, f.z,
+    fine.simulate_by(steps);
+    f.fidelity_correction = f.residual - fine.evaluate(f.hypothesis, f.z);
+    auto next = minimize(fine, f.hypothesis, f.z,
                          {.iterations = 12, .enough = 1, .damping = hardly_damped, .tick = tick}, &f);
-    apply_fidelity_correction(coarse, fine, next);
+    fine.simulate_by(exact);
+    next.residual = fine.evaluate(next.hypothesis, next.z);
+    next.squares = next.residual.squaredNorm() + prior_squares(next.hypothesis, next.z);
     const double gain = f.squares - next.squares;
     if (gain > 0) f = std::move(next);
     if (gain < std::max(last_gain, last_share * f.squares)) break;
   }
+  apply_fidelity_correction(coarse, f.residual, f);
   if (!f.fresh) refresh_jacobian(coarse, f);
 }
 

@@ -26,14 +26,14 @@ void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
                           Eigen::VectorXd residual);
 // Root mean square by which the coarse simulation may differ from the fine one, in standard deviations of
 // noise and model error together. Where a fit is corrected, what counts is how the difference changes with z,
-// a tenth to a third of it on benches of the campaign; each new correction takes as much off what is left.
-// Twenty is what 250 nodes are off where the noise is a hundredth of a percent of the range. Where no
-// correction is made it has to be small beside the model's error: on loops of a bulk ceramic at 800 V, 250
-// domains were 8 % of the range off where the model missed by 3, and terms were found that explained the
-// grain of their sum.
-inline constexpr double coarse_error_if_corrected = 20, coarse_error_alone = 0.2;
+// a tenth to a third of it on benches of the campaign: twenty is what 250 nodes are off where the noise is a
+// hundredth of a percent of the range, and the same effects come out on top. The last steps of a fit are held
+// up by the grain of so few nodes, which has minima of its own, and need more. Where no correction is made
+// the error has to be small beside the model's: on loops of a bulk ceramic at 800 V, 250 domains were 8 % of
+// the range off where the model missed by 3, and terms were found that explained the grain of their sum.
+inline constexpr double coarse_error_if_corrected = 20, last_steps_error = 0.8, coarse_error_alone = 0.2;
 // Makes `fine` fine enough for the model at z, and `coarse` the cheapest simulation that differs from it by
-// no more than `coarse_error`. Returns the fine one's own error, as above.
+// no more than `coarse_error`; chooses what makes the last steps. Returns the fine one's own error, as above.
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
                          const Eigen::VectorXd& z, int most_domains,
                          double coarse_error = coarse_error_if_corrected);
@@ -45,9 +45,9 @@ double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedR
 void apply_fidelity_correction(const WhitenedResiduals& coarse, Eigen::VectorXd exact, Fit& fit);
 void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit);
 
-// Takes a corrected fit on to the minimum of the fine simulation. Its residual is that of the fine simulation
-// then, and its Jacobian was made close by.
-void refine(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
+// Takes a corrected fit on to the minimum of the fine simulation, by its last steps. Its residual is that of
+// the fine simulation then, corrected from the coarse one, and its Jacobian was made close by.
+void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit,
             const std::function<void()>& tick);
 
 }  // namespace ferrobench::model::inference
