@@ -46,9 +46,8 @@ std::vector<std::vector<double>> under_posterior_drive(const WhitenedRecordings&
     const Eigen::VectorXd step =
         coarse.posterior_drive(hypothesis, z, position, normals, simulated) - normals;
     const double before = squares;
-    double part = 1;
-    for (int halved = 0; halved <= most_halvings && squares == before; ++halved, part /= 2) {
-      const Eigen::VectorXd there = normals + part * step;
+    for (int halved = 0; halved <= most_halvings && squares == before; ++halved) {
+      const Eigen::VectorXd there = normals + std::ldexp(1.0, -halved) * step;
       const auto drive = r.with_knots_moved(r.knot_error * there);
       auto tried = fine.simulated(hypothesis, z, recording, &drive);
       const double left = coarse.drive_squares(position, there, tried);
