@@ -400,14 +400,33 @@ TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
   EXPECT_GE(domains_wanted(spread), 2 * domains_wanted(real_bench()));
 }
 
+struct TwoRecordings {
+  std::vector<inference::BenchRecording> bench;
+  std::vector<std::vector<inference::NoiseModel>> noises;
+};
+
+TwoRecordings two_recordings() {
+  std::vector<std::string> warnings;
+  auto bench = inference::prepare_bench(given(),
+                                        {{plans()[0].name, record(real_bench(), plans()[0], 1)},
+                                         {plans()[4].name, record(real_bench(), plans()[4], 2)}},
+                                        2000, warnings);
+  auto noises = inference::estimate_noise(bench, warnings);
+  return {std::move(bench), std::move(noises)};
+}
+
+// `z` with barriers wider by 2.6: eight standard deviations of the prior.
+Eigen::VectorXd widely_spread(const inference::Hypothesis& hypothesis, Eigen::VectorXd z) {
+  for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i)
+    if (hypothesis.parameters[i].path == "polycrystal.barrier_log_std") z[static_cast<Eigen::Index>(i)] += 8;
+  return z;
+}
+
 // A few nodes give what many give at the anchor, nearly so around it, and far away the anchor is moved.
 TEST(Discrepancy, AnAnchorTakesOutMostOfTheErrorOfFewNodes) {
-  std::vector<std::string> warnings;
-  const auto bench = inference::prepare_bench(given(),
-                                              {{plans()[0].name, record(real_bench(), plans()[0], 1)},
-                                               {plans()[4].name, record(real_bench(), plans()[4], 2)}},
-                                              2000, warnings);
-  const auto noises = inference::estimate_noise(bench, warnings);
+  const auto two = two_recordings();
+  const auto& bench = two.bench;
+  const auto& noises = two.noises;
   const auto hypothesis = inference::base_hypothesis(given(), bench);
   const auto at = inference::prior_mean(hypothesis);
   const SimulationOptions few{.tolerance = 1e-5, .domains = 250, .shift = 7},
@@ -426,10 +445,7 @@ TEST(Discrepancy, AnAnchorTakesOutMostOfTheErrorOfFewNodes) {
                without = (plain.evaluate(hypothesis, near) - truth).squaredNorm();
   EXPECT_LT(left, 0.1 * without) << without;
 
-  auto far = at;
-  for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i)
-    if (hypothesis.parameters[i].path == "polycrystal.barrier_log_std")
-      far[static_cast<Eigen::Index>(i)] += 8;
+  const auto far = widely_spread(hypothesis, at);
   const auto converged = inference::converge_fine_fidelity(fine, hypothesis, far, 16000);
   EXPECT_LT((converged.residual - reference.evaluate(hypothesis, far)).squaredNorm(), 20);
   EXPECT_TRUE(fine.is_anchored());
@@ -440,18 +456,12 @@ TEST(Discrepancy, AnAnchorTakesOutMostOfTheErrorOfFewNodes) {
 
 // Where no correction is made, what is fitted must not be the grain of the coarse simulation's own sum.
 TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
-  std::vector<std::string> warnings;
-  const auto bench = inference::prepare_bench(given(),
-                                              {{plans()[0].name, record(real_bench(), plans()[0], 1)},
-                                               {plans()[4].name, record(real_bench(), plans()[4], 2)}},
-                                              2000, warnings);
-  const auto noises = inference::estimate_noise(bench, warnings);
+  const auto two = two_recordings();
+  const auto& bench = two.bench;
+  const auto& noises = two.noises;
   const auto hypothesis = inference::base_hypothesis(given(), bench);
   const auto given_place = inference::prior_mean(hypothesis);
-  auto moved = given_place;
-  for (std::size_t i = 0; i < hypothesis.parameters.size(); ++i)
-    if (hypothesis.parameters[i].path == "polycrystal.barrier_log_std")
-      moved[static_cast<Eigen::Index>(i)] += 8;  // prior standard deviations, wider by 2.6
+  const auto moved = widely_spread(hypothesis, given_place);
   const SimulationOptions begin{.tolerance = 1e-5, .domains = 1000, .shift = 7},
       exact{.tolerance = 1e-5, .domains = 60000, .shift = 5};
   const inference::WhitenedRecordings reference(bench, noises, {0, 1}, exact, 2);
@@ -461,7 +471,11 @@ TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
     inference::choose_fidelities(coarse, fine, hypothesis, z, 16000, allowed);
     EXPECT_LT(inference::difference_of_fidelities(coarse, fine, hypothesis, z), allowed);
     EXPECT_LT(inference::difference_of_fidelities(coarse, reference, hypothesis, z), 1.2 * allowed);
-    return coarse.simulation().domains;
+    const int domains = coarse.simulation().domains;
+    coarse.simulate_by(fine.last_steps());
+    EXPECT_LT(inference::difference_of_fidelities(coarse, fine, hypothesis, z),
+              std::min(allowed, inference::last_steps_error));
+    return domains;
   };
   using inference::coarse_error_alone, inference::coarse_error_if_corrected;
   EXPECT_GT(chosen_at(moved, coarse_error_alone), chosen_at(given_place, coarse_error_if_corrected));

@@ -143,22 +143,22 @@ def server_killed_and_late(daemon):
     whole(daemon, daemon.over(run), acknowledged, "aborted", "the server has ended")
 
 
-def after_a_second(act):
-    timer = threading.Timer(1, act)
-    timer.start()
-    return timer
+def next_server_while_bench_stands(daemon, then):
+    """The server dies and the next one starts; the bench stands still and gets the signal `then` after a second."""
+    bench = daemon.bench()[0]
+    os.kill(bench, signal.SIGSTOP)
+    daemon.kill()
+    later = threading.Timer(1, lambda: os.kill(bench, then))
+    later.start()
+    daemon.start()
+    later.join()
 
 
 def server_killed_and_bench_slow(daemon):
     """The next server is there before the bench has seen that it lost the last one."""
     run = daemon.run()
     acknowledged = daemon.status()["rows_on_disk"]
-    bench = daemon.bench()[0]
-    os.kill(bench, signal.SIGSTOP)
-    daemon.kill()
-    goes_on = after_a_second(lambda: os.kill(bench, signal.SIGCONT))
-    daemon.start()
-    goes_on.join()
+    next_server_while_bench_stands(daemon, signal.SIGCONT)
     info, last = whole(daemon, daemon.over(run), acknowledged, "aborted", "the server has ended")
     demand(last == 0, "the recording ends at zero", last)
 
@@ -168,12 +168,7 @@ def both_killed_and_bench_slow(daemon):
     daemon.run()
     acknowledged = daemon.status()["rows_on_disk"]
     name = daemon.status()["recording"]
-    bench = daemon.bench()[0]
-    os.kill(bench, signal.SIGSTOP)
-    daemon.kill()
-    dies = after_a_second(lambda: os.kill(bench, signal.SIGKILL))
-    daemon.start()
-    dies.join()
+    next_server_while_bench_stands(daemon, signal.SIGKILL)
     demand(f"recovered {name}" in open(daemon.log).read(), "the log says what was made")
     info, rows, last = daemon.file({"recording": name})
     demand(rows >= acknowledged and info["status"] == "recovered", "the file", rows, info["status"])
