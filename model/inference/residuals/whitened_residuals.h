@@ -93,8 +93,7 @@ class WhitenedResiduals {
     Hypothesis hypothesis;
     Eigen::VectorXd z, residual;
     SimulationOptions simulation;
-    // Of the simulations so far, by their nodes, shift and tolerance; what cannot be simulated there has
-    // none.
+    // Of the simulations so far, by their nodes, shift and tolerance; zero if one cannot be solved there.
     std::map<std::tuple<int, int, double>, Eigen::VectorXd> differences;
   };
   void find_difference();

@@ -10,9 +10,9 @@ namespace ferrobench::model::inference {
 namespace {
 
 constexpr std::size_t fewest_rows = 15;  // in a class of segment, for a figure of it
-constexpr int rounds = 6;                // of relinearization; most drives have settled after two
-constexpr int most_halvings = 4;         // of a step, of which a sixteenth does worse only at the minimum
-constexpr double settled = 1;            // of the sum of squares, which no figure shows
+constexpr int rounds = 6;                // of relinearization at most
+constexpr int most_halvings = 4;         // of a step that does worse; then the drive stays where it is
+constexpr double settled = 1;            // a round that gains less of the sum of squares was the last one
 
 struct Squares {
   double sum = 0;
