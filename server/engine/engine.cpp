@@ -16,8 +16,7 @@ constexpr std::size_t most_runs = 1000;  // remembered, with their idempotency k
 // recording stays locked meanwhile.
 constexpr std::chrono::seconds bench_patience{5};
 
-bool is_written(const std::string& folder) {
-  const auto journals = recordings::find_broken(folder);
+bool is_written(const std::vector<std::string>& journals) {
   return std::ranges::any_of(journals, [](const std::string& path) {
     return recordings::journal_state(path) == recordings::JournalState::being_written;
   });
@@ -91,8 +90,9 @@ std::string Engine::take_over() {
   takes_over_ = true;
   const auto folder = store_.folder().string();
   auto link = benches_.take_over(folder);
+  const auto journals = link ? std::vector<std::string>() : recordings::find_broken(folder);
   for (const auto until = std::chrono::steady_clock::now() + bench_patience;
-       !link && is_written(folder) && std::chrono::steady_clock::now() < until;) {
+       !link && is_written(journals) && std::chrono::steady_clock::now() < until;) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     link = benches_.take_over(folder);
   }
