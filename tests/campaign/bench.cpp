@@ -328,12 +328,13 @@ Bench make_bench(std::uint64_t seed, int index, Kind kind, const BenchOptions& o
     b.gain[channel] = 1 + draw.sign() * draw.between(0.01, 0.02);
     b.offset[channel] = draw.sign() * draw.between(0.01, 0.02) * ranges.at(c);
   }
+  const int domains = options.domains * (options.low_noise ? quiet_domains : 1);
   double session = 0;
   for (const auto& p : programs) {
     auto hidden = b.physics;
     hidden.insert(hidden.end(), b.effects.begin(), b.effects.end());
     const auto truth = play(loaded(b.base, p), hidden, p.time, p.command,
-                            {.domains = options.domains, .path = 1, .session_time = session, .past = p.past});
+                            {.domains = domains, .path = 1, .session_time = session, .past = p.past});
     session += p.time.back();
     recordings::Recording r;
     r.header.title = p.name;
