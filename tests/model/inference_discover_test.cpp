@@ -386,7 +386,7 @@ TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
     const auto at = inference::prior_mean(hypothesis);
     const SimulationOptions begin{.tolerance = 1e-5, .domains = 1000, .shift = 7};
     inference::WhitenedRecordings fine(bench, noises, {0, 1}, begin, 2);
-    const double stated = inference::converge_fine_fidelity(fine, hypothesis, at, 16000).error;
+    const double stated = inference::converge_fine_fidelity(fine, hypothesis, at, 16000, 12).error;
     const int domains = fine.simulation().domains;
     auto exact = begin;
     exact.domains = 60000;
@@ -446,12 +446,35 @@ TEST(Discrepancy, AnAnchorTakesOutMostOfTheErrorOfFewNodes) {
   EXPECT_LT(left, 0.1 * without) << without;
 
   const auto far = widely_spread(hypothesis, at);
-  const auto converged = inference::converge_fine_fidelity(fine, hypothesis, far, 16000);
+  const auto converged = inference::converge_fine_fidelity(fine, hypothesis, far, 16000, 12);
   EXPECT_LT((converged.residual - reference.evaluate(hypothesis, far)).squaredNorm(), 20);
   EXPECT_TRUE(fine.is_anchored());
   EXPECT_LT((fine.evaluate(hypothesis, far) - converged.residual).norm(), 1e-9 * converged.residual.norm());
   fine.release();
   EXPECT_GE(fine.simulation().domains, many.domains);
+}
+
+// The steps of few nodes end where their grain does; those of the fine simulation where it has nothing to
+// gain.
+TEST(Discrepancy, TheLastStepsOfABaseAreThoseOfTheFineSimulation) {
+  const auto two = two_recordings();
+  const auto hypothesis = inference::base_hypothesis(given(), two.bench);
+  const SimulationOptions few{.tolerance = 1e-4, .domains = 250, .shift = 7},
+      many{.tolerance = 1e-5, .domains = 2000, .shift = 7};
+  const auto gain_left = [&](inference::LastSteps by) {
+    const inference::WhitenedRecordings coarse(two.bench, two.noises, {0, 1}, few, 2);
+    inference::WhitenedRecordings fine(two.bench, two.noises, {0, 1}, many, 2);
+    fine.make_last_steps_by(few);
+    auto fit = inference::minimize(coarse, hypothesis, inference::prior_mean(hypothesis), {.tick = {}});
+    inference::apply_fidelity_correction(coarse, fine, fit);
+    inference::refine(coarse, fine, fit, by, {});
+    EXPECT_EQ(fine.simulation().domains, many.domains);
+    return inference::minimize(fine, hypothesis, fit.z, {.iterations = 0, .tick = {}}).predicted_decrease();
+  };
+  const double cheap = gain_left(inference::LastSteps::cheap),
+               by_fine = gain_left(inference::LastSteps::fine);
+  EXPECT_LT(by_fine, 1);
+  EXPECT_LT(by_fine, 0.5 * cheap);
 }
 
 // Where no correction is made, what is fitted must not be the grain of the coarse simulation's own sum.
@@ -468,7 +491,7 @@ TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
   const auto chosen_at = [&](const Eigen::VectorXd& z, double allowed) {
     inference::WhitenedRecordings coarse(bench, noises, {0, 1}, begin, 2),
         fine(bench, noises, {0, 1}, begin, 2);
-    inference::choose_fidelities(coarse, fine, hypothesis, z, 16000, allowed);
+    inference::choose_fidelities(coarse, fine, hypothesis, z, 16000, 12, allowed);
     EXPECT_LT(inference::difference_of_fidelities(coarse, fine, hypothesis, z), allowed);
     EXPECT_LT(inference::difference_of_fidelities(coarse, reference, hypothesis, z), 1.2 * allowed);
     const int domains = coarse.simulation().domains;

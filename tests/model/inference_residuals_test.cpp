@@ -61,6 +61,23 @@ struct Residuals {
   WhitenedRecordings of;
 };
 
+// Two programs of which one is everywhere 2.5e-5 of the range above the other.
+TEST(SquaresBetweenPrograms, AreThoseOfAShareOfTheRange) {
+  const Residuals r(true);
+  double squares = 0;
+  for (std::size_t c = 0; c < r.bench[0].channels.size(); ++c) {
+    auto white = r.noise[0][c];
+    white.white = white.std();
+    white.slow = 0;
+    std::vector<double> apart(r.bench[0].time.size(), 2.5e-5 * r.bench[0].channels[c].range);
+    Whitening(white, r.bench[0].time).apply(apart);
+    for (const double v : apart) squares += v * v;
+  }
+  const std::vector<std::size_t> first{0};
+  EXPECT_NEAR(squares_between_programs(r.bench, r.noise, first), squares, 1e-9 * squares);
+  EXPECT_EQ(squares_between_programs(r.bench, r.noise, {}), 0);
+}
+
 // Of every parameter that a hypothesis may move: numbers of the model, an effect, spring, prestress, gains,
 // and the drive's own where it was measured. What differences of 1 % of a prior's width make of the
 // simulation's own steps is up to 2 % of a slope.

@@ -173,6 +173,16 @@ TEST(Verdict, SaysWhatIsDoubted) {
   EXPECT_EQ(to_json(d).at("doubted").at("effects").at(0).at("id"), "prestress_relaxation");
 }
 
+TEST(SelectionOptions, DetectNothingBelowWhatSimulationsResolve) {
+  auto raised = options;
+  raised.raise_detection(0.5 * options.detection);
+  EXPECT_EQ(raised.detection, options.detection) << "noise hides more";
+  raised.raise_detection(10 * options.detection);
+  EXPECT_EQ(raised.detection, 10 * options.detection);
+  EXPECT_EQ(raised.second_detection, 10 * options.second_detection);
+  EXPECT_EQ(allowed_remainder(raised, 0), raised.second_detection);
+}
+
 TEST(SelectionOptions, SayWhatIsWrongWithThem) {
   std::string error;
   EXPECT_TRUE(SelectionOptions{}.is_valid(&error)) << error;

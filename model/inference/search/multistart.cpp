@@ -50,7 +50,7 @@ Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, co
   fine.release();
   apply_fidelity_correction(coarse, fine, best);
   anchor_fine_fidelity(fine, base, best.z, best.residual);
-  refine(coarse, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
+  refine(coarse, fine, best, LastSteps::fine, [&] { options.tick("recalibrating the model", 0.27); });
   if (!std::isfinite(best.squares))
     throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",
                 Problem{.message = "their difference is not a finite number"});

@@ -1,10 +1,17 @@
 #include "model/inference/selection/selection_options.h"
 
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 #include <utility>
 
 namespace ferrobench::model::inference {
+
+void SelectionOptions::raise_detection(double drop) {
+  const double ratio = std::max(1.0, drop / detection);
+  detection *= ratio;
+  second_detection *= ratio;
+}
 
 bool SelectionOptions::is_valid(std::string* error) const {
   const auto wrong = [error](const std::string& what) {
@@ -16,6 +23,7 @@ bool SelectionOptions::is_valid(std::string* error) const {
                                                              {"second_detection", second_detection},
                                                              {"relative_remainder", relative_remainder},
                                                              {"lack_of_fit", lack_of_fit},
+                                                             {"unnoticed", unnoticed},
                                                              {"better_base", better_base},
                                                              {"testable", testable},
                                                              {"wild_step", wild_step},

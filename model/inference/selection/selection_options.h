@@ -15,6 +15,7 @@ struct SelectionOptions {
   // model.
   double detection = 60;  // An effect is detected by more than this. What another program's simulations
                           // of the base model differ by stays below it.
+  double unnoticed = 12;  // No verdict notices a change of a sum of squares of this size.
   double second_detection = 60;  // A second effect must take off as much again.
   // What an explanation may leave relative to what it explains. Two programs agree to a few parts in 10,000.
   double relative_remainder = 1e-4;
@@ -25,8 +26,8 @@ struct SelectionOptions {
   // wrong, so that local steps from it mislead, and effects are refitted from the parameters as given too.
   double misled_base = 1.2;
   // An effect that seems to explain something may only have led the base model to a better minimum. That is
-  // believed if the base model's fit there is better by this share of `detection`.
-  double better_base = 0.2;
+  // believed if the base model's fit there is better by this drop.
+  double better_base = 12;
 
   // Screening, by the score test (selection/screening.h).
   double refit_share_of_detection =
@@ -86,6 +87,9 @@ struct SelectionOptions {
   double decisive_odds = 3;          // Expected odds below this are no reason for an experiment.
   double longest_experiment = 3600;  // s
   std::size_t experiment_rows = 600;
+
+  // To at least this drop, of second effects too.
+  void raise_detection(double drop);
 
   // False if a value makes no sense; then `error` says which and why.
   bool is_valid(std::string* error) const;

@@ -221,7 +221,8 @@ Trial TrialFits::alone(const Trial& pair, std::size_t which) const {
 
 void TrialFits::polish(Trial& t, const std::function<void()>& in_between) const {
   if (t.polished) return;
-  auto converged = converge_fine_fidelity(fine_, t.fit.hypothesis, t.fit.z, task_.most_domains);
+  auto converged =
+      converge_fine_fidelity(fine_, t.fit.hypothesis, t.fit.z, task_.most_domains, options_.unnoticed);
   t.numerical_error = converged.error;
   apply_fidelity_correction(coarse_, std::move(converged.residual), t.fit);
   if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);
@@ -234,21 +235,19 @@ void TrialFits::polish(Trial& t, const std::function<void()>& in_between) const 
          allowed(t) * left > options_.unfinished_decrease * t.fit.predicted_decrease()))
       return;
   }
-  refine(coarse_, fine_, t.fit, in_between);
+  refine(coarse_, fine_, t.fit, LastSteps::cheap, in_between);
   t.drop = base_.squares - t.fit.squares;
 }
 
 std::optional<Fit> TrialFits::better_base(const Trial& best) const {
   if (best.fit.jacobian.size() == 0) return std::nullopt;
   auto options = solver("no effect", 0.5);
-  options.wanted = base_.squares - options_.better_base * options_.detection;
+  options.wanted = base_.squares - options_.better_base;
   auto none = reduced(best, std::nullopt, options);
-  const auto is_better = [&] {
-    return none.squares < base_.squares - options_.better_base * options_.detection;
-  };
+  const auto is_better = [&] { return none.squares < base_.squares - options_.better_base; };
   if (!is_better()) return std::nullopt;
   apply_fidelity_correction(coarse_, fine_, none);
-  refine(coarse_, fine_, none, options.tick);
+  refine(coarse_, fine_, none, LastSteps::fine, options.tick);
   if (!is_better()) return std::nullopt;
   return none;
 }

@@ -9,8 +9,6 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// A verdict does not notice a change of the sum of squares of this size, where 60 count as a detection.
-constexpr double unnoticed = 12;
 // Corrections are made anew so many times at most.
 constexpr int most_rounds = 4;
 // What twice the nodes take off the squares, to guess how many are enough: of four benches of the campaign, a
@@ -38,8 +36,8 @@ double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedR
 }
 
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                         const Eigen::VectorXd& z, int most_domains, double coarse_error) {
-  const auto [exact, error] = converge_fine_fidelity(fine, hypothesis, z, most_domains);
+                         const Eigen::VectorXd& z, int most_domains, double unnoticed, double coarse_error) {
+  const auto [exact, error] = converge_fine_fidelity(fine, hypothesis, z, most_domains, unnoticed);
   // Of the nodes that are to serve every spread, the base has a third.
   const bool every_spread = fine.simulation().every_spread;
   struct Choice {
@@ -81,7 +79,7 @@ std::pair<Eigen::VectorXd, double> with_error(WhitenedResiduals& fine, const Hyp
 }  // namespace
 
 ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                                         const Eigen::VectorXd& z, int most_domains) {
+                                         const Eigen::VectorXd& z, int most_domains, double unnoticed) {
   const bool anchored = fine.is_anchored();
   for (;;) {
     auto [residual, squares] = with_error(fine, hypothesis, z);
@@ -129,11 +127,12 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedRe
   apply_fidelity_correction(coarse, fine.evaluate(fit.hypothesis, fit.z), fit);
 }
 
-void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
-            const std::function<void()>& tick) {
+namespace {
+
+// Until that gains nothing, with steps by `steps`.
+void refine_by(const SimulationOptions& steps, WhitenedResiduals& fine, Fit& f,
+               const std::function<void()>& tick) {
   const auto exact = fine.simulation();
-  auto steps = fine.last_steps();
-  steps.domains = std::min(steps.domains, exact.domains);
   for (int round = 0; round < most_rounds; ++round) {
     fine.simulate_by(steps);
     f.fidelity_correction = f.residual - fine.evaluate(f.hypothesis, f.z);
@@ -144,6 +143,19 @@ void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
     const double gain = f.squares - next.squares;
     if (gain > 0) f = std::move(next);
     if (gain < std::max(last_gain, last_share * f.squares)) break;
+  }
+}
+
+}  // namespace
+
+void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f, LastSteps by,
+            const std::function<void()>& tick) {
+  auto steps = fine.last_steps();
+  steps.domains = std::min(steps.domains, fine.simulation().domains);
+  refine_by(steps, fine, f, tick);
+  if (by == LastSteps::fine && steps.domains < fine.simulation().domains) {
+    f.fresh = false;  // its slopes are those of fewer nodes
+    refine_by(fine.simulation(), fine, f, tick);
   }
   apply_fidelity_correction(coarse, f.residual, f);
   if (!f.fresh) refresh_jacobian(coarse, f);

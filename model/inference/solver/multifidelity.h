@@ -16,10 +16,10 @@ struct ConvergedFidelity {
   double error = 0;          // its own, root mean square in standard deviations of the noise
 };
 // Doubles the nodes of the fine simulation, to `most_domains` at most, until two shifts of its lattice give
-// residuals at z that no verdict would tell apart. If it is anchored, so far away that its error shows here,
-// the anchor is moved to z.
+// residuals at z that differ by less than `unnoticed` in the sum of squares. If it is anchored, so far away
+// that its error shows here, the anchor is moved to z.
 ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                                         const Eigen::VectorXd& z, int most_domains);
+                                         const Eigen::VectorXd& z, int most_domains, double unnoticed);
 // Anchors the fine simulation at z, where it gives `residual`, and goes on with fewer nodes: explanations are
 // compared with each other, and what the lattice adds to all of them alike is no part of that.
 void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
@@ -35,7 +35,7 @@ inline constexpr double coarse_error_if_corrected = 20, last_steps_error = 0.8, 
 // Makes `fine` fine enough for the model at z, and `coarse` the cheapest simulation that differs from it by
 // no more than `coarse_error`; chooses what makes the last steps. Returns the fine one's own error, as above.
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                         const Eigen::VectorXd& z, int most_domains,
+                         const Eigen::VectorXd& z, int most_domains, double unnoticed,
                          double coarse_error = coarse_error_if_corrected);
 // Root mean square of their difference at z.
 double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,
@@ -45,9 +45,14 @@ double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedR
 void apply_fidelity_correction(const WhitenedResiduals& coarse, Eigen::VectorXd exact, Fit& fit);
 void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit);
 
-// Takes a corrected fit on to the minimum of the fine simulation, by its last steps. Its residual is that of
-// the fine simulation then, corrected from the coarse one, and its Jacobian was made close by.
-void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit,
+enum class LastSteps {
+  cheap,  // by `last_steps` of the fine simulation
+  fine    // and then by the fine simulation itself
+};
+// Takes a corrected fit on to the minimum of the fine simulation. Its residual is that of the fine simulation
+// then, corrected from the coarse one, and its Jacobian was made close by. Along directions that only priors
+// hold, the grain of fewer nodes can carry a fit off by several of their standard deviations.
+void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit, LastSteps by,
             const std::function<void()>& tick);
 
 }  // namespace ferrobench::model::inference

@@ -47,6 +47,7 @@ struct Session {
   std::vector<BenchRecording> bench;
   std::vector<std::vector<NoiseModel>> noise;
   std::vector<std::size_t> train, held_out;
+  SelectionOptions selection;  // the options', raised to what simulations resolve of what is learned from
   // What may be named, and what may stand for the rest: corrections of the kinetics, and tables.
   std::vector<const Effect*> candidates, corrections, tables;
 };
@@ -105,7 +106,7 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
       .tables = s.tables,
       .simulation = fine,
       .threads = s.threads,
-      .selection = s.options.selection,
+      .selection = s.selection,
       .floor = s.options.floor,
       .tick = [&s, begun](const std::string& stage, double f) { s.tick(stage, begun + (0.95 - begun) * f); }};
   out.presumed_past = s.presumed_past;
@@ -128,6 +129,8 @@ void split(Session& s, const std::vector<bool>& held) {
     (held[i] ? s.held_out : s.train).push_back(i);
     (held[i] ? s.out.held_out : s.out.train).recordings.push_back(s.bench[i].name);
   }
+  s.selection = s.options.selection;
+  s.selection.raise_detection(squares_between_programs(s.bench, s.noise, s.train));
 }
 
 std::vector<bool> held_out_by(const Session& s) {
@@ -170,11 +173,13 @@ class Inquiry {
   // explain.
   std::set<std::size_t> run() {
     s_.tick("choosing how finely to simulate", 0.01);
-    s_.out.health.numerical_error_over_noise =
-        choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains);
+    const double error =
+        choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains, s_.selection.unnoticed);
+    s_.out.health.numerical_error_over_noise = error;
+    s_.selection.raise_detection(error * error * fine_.samples());
     found_ = ask(true, {});
     if (found_.gross) improve_gross();
-    summarize(found_, s_.options.selection, s_.out);
+    summarize(found_, s_.selection, s_.out);
     before_ = found_.base;
     after_ = found_.after();
     if (!found_.gross) compare_explanations();
@@ -199,7 +204,7 @@ class Inquiry {
          .seed = s_.options.seed,
          .start = std::move(start),
          .most_domains = most_domains,
-         .selection = s_.options.selection,
+         .selection = s_.selection,
          .roughly_fitted =
              [this](const Fit& f) {
                coarse_.marginalize_drive(f.hypothesis, f.z);
@@ -239,8 +244,8 @@ class Inquiry {
     }
     if (out.verdict != Verdict::ambiguous || trials.size() < 2) return;
     s_.tick("looking for the experiment that would decide", share_of_selection);
-    out.next_experiment = choose_experiment(coarse_, s_.noise, trials[0].first->fit, trials[1].first->fit,
-                                            s_.options.selection);
+    out.next_experiment =
+        choose_experiment(coarse_, s_.noise, trials[0].first->fit, trials[1].first->fit, s_.selection);
   }
 
   // Where nothing could be named, or what was named leaves a material rest.
@@ -268,10 +273,10 @@ class Inquiry {
     out.added = improved_->added;
     if (found_.gross) {
       before_ = std::move(improved_->base);
-      out.recalibrated = recalibrations(before_, s_.options.selection);
+      out.recalibrated = recalibrations(before_, s_.selection);
       out.recalibrated_base = model_at(before_, "Recalibrated beside its own error.");
       stand_at(coarse_, before_);
-      if (improved_->named) summarize_named(*improved_, s_.options.selection, out);
+      if (improved_->named) summarize_named(*improved_, s_.selection, out);
     }
     if (improved_->searched)
       out.health.warnings.emplace_back("The whole range of the base model's parameters was searched again.");
@@ -314,7 +319,7 @@ class Inquiry {
                                              s_.threads);
       const auto locked_before = figures(locked, locked_coarse, before_),
                  locked_after = added ? figures(locked, locked_coarse, after_) : locked_before;
-      unexplained_locked = unexplained(locked, locked_before.standardized, s_.options.selection);
+      unexplained_locked = unexplained(locked, locked_before.standardized, s_.selection);
       out.held_out.before = rms_by_channel(locked, locked_before.standardized);
       out.held_out.after = rms_by_channel(locked, locked_after.standardized);
       out.share_held_out = share_explained(locked_before.standardized, locked_after.standardized);
@@ -363,13 +368,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
       prepare_bench(base, recordings, rows_together, s.out.health.warnings, stoppable({}, options).stop);
   recordings.clear();
   s.noise = estimate_noise(s.bench, s.out.health.warnings);
-  for (std::size_t r = 0; r < s.bench.size(); ++r)
-    for (std::size_t c = 0; c < s.bench[r].channels.size(); ++c) {
-      auto& n = s.out.health.noise[s.bench[r].channels[c].channel];
-      if (s.noise[r][c].std() > n.std)
-        n = {s.noise[r][c].std(), s.noise[r][c].slow > 0, s.noise[r][c].correlation_time};
-    }
-
+  summarize_noise(s.bench, s.noise, s.out.health);
   drop_untestable(s);
   const auto as_read = s.out;
   split(s, held_out_by(s));

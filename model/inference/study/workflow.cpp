@@ -155,6 +155,16 @@ void check_floor(double floor) {
                         .hint = "0.002 is 0.2 % of a channel's range"});
 }
 
+void summarize_noise(const std::vector<BenchRecording>& bench,
+                     const std::vector<std::vector<NoiseModel>>& noise, Health& health) {
+  for (std::size_t r = 0; r < bench.size(); ++r)
+    for (std::size_t c = 0; c < bench[r].channels.size(); ++c) {
+      auto& n = health.noise[bench[r].channels[c].channel];
+      if (noise[r][c].std() > n.std)
+        n = {noise[r][c].std(), noise[r][c].slow > 0, noise[r][c].correlation_time};
+    }
+}
+
 WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& base,
                             const WorkflowOptions& options, Health& health) {
   const auto& selection = options.selection;

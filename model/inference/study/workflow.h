@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "model/inference/observation/noise.h"
 #include "model/inference/selection/verdict.h"
 #include "model/inference/study/discover.h"
 #include "model/inference/study/improvement.h"
@@ -27,6 +28,10 @@ void check_floor(double floor);
 
 // Without the sources.
 Asked asked_of(const Model& base, const DiscoverOptions& options);
+
+// The largest of each channel.
+void summarize_noise(const std::vector<BenchRecording>& bench,
+                     const std::vector<std::vector<NoiseModel>>& noise, Health& health);
 
 struct WorkflowOptions {
   std::vector<const Effect*> candidates;
