@@ -102,6 +102,23 @@ std::size_t tables_in(const Discovery& d) {
   return static_cast<std::size_t>(std::ranges::count_if(d.added, &AddedTerm::empirical));
 }
 
+// Far from what the model can do, and a simulation that fails while that is narrowed.
+TEST(Improvement, WhatWasFoundStandsWhereASimulationFails) {
+  bool failed = false;
+  const auto d = discover(library_model("linear-capacitor"),
+                          {{"first", with_backlash(0.3, 1)}, {"second", with_backlash(1.4, 2)}},
+                          {.held_out = {"second"}, .progress = [&](const DiscoverProgress& p) {
+                             failed = failed || p.stage == "how wrong the model is";
+                             if (p.stage == "how wrong the model is")
+                               throw Error(ErrorCode::numerical, "the model cannot be solved");
+                             return true;
+                           }});
+  EXPECT_TRUE(failed);
+  EXPECT_EQ(d.verdict, Verdict::unknown);
+  EXPECT_TRUE(d.added.empty());
+  EXPECT_THAT(d.health.warnings, Contains(testing::HasSubstr("not narrowed: the model cannot be solved")));
+}
+
 TEST(Improvement, WhatANamedEffectLeavesIsNarrowedByATable) {
   const auto d = discover(library_model("linear-capacitor"),
                           {{"first", with_backlash(0.3, 1)}, {"second", with_backlash(1.4, 2)}},

@@ -221,8 +221,9 @@ class Inquiry {
     Fit given;
     given.hypothesis = base_;
     given.z = prior_mean(base_);
-    improved_ = improve(given, improvement_task(s_, fine_.simulation(), share_of_recalibration));
-    if (is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
+    improved_ = try_to_improve(given, improvement_task(s_, fine_.simulation(), share_of_recalibration),
+                               s_.out.health.warnings);
+    if (!improved_ || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
     // A large effect, or a valley that noise alone did not lead out of: then noise is the measure after all.
     const bool base_alone = improved_->added.empty();
     if (!base_alone && std::ranges::all_of(improved_->added, &AddedTerm::empirical)) return;
@@ -256,13 +257,8 @@ class Inquiry {
     auto task = improvement_task(s_, fine_.simulation(), share_of_selection);
     task.named = s_.out.added;
     if (task.named.empty()) task.by_noise = &coarse_;
-    try {
-      auto improved = improve(after_, task);
-      if (improved.added.size() > task.named.size()) improved_ = std::move(improved);
-    } catch (const Error& failure) {
-      if (failure.code() != ErrorCode::numerical) throw;  // what was found stands
-      s_.out.health.warnings.push_back(std::string("What is left was not narrowed: ") + failure.what() + ".");
-    }
+    auto improved = try_to_improve(after_, task, s_.out.health.warnings);
+    if (improved && improved->added.size() > task.named.size()) improved_ = std::move(improved);
   }
 
   void tell_improvement() {

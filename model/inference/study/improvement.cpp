@@ -271,4 +271,15 @@ Improvement improve(const Fit& base, const ImprovementTask& task) {
   return Improver(task, base).run();
 }
 
+std::optional<Improvement> try_to_improve(const Fit& base, const ImprovementTask& task,
+                                          std::vector<std::string>& warnings) {
+  try {
+    return improve(base, task);
+  } catch (const Error& failure) {
+    if (failure.code() != ErrorCode::numerical) throw;
+    warnings.push_back(std::string("What is left was not narrowed: ") + failure.what() + ".");
+    return std::nullopt;
+  }
+}
+
 }  // namespace ferrobench::model::inference
