@@ -138,6 +138,18 @@ TEST(Verdict, BelievesWhatIsThereAtAnyAmplitude) {
   EXPECT_EQ(judged(one(trial("contact_gap", {1e-4}, 0.1))).verdict, Verdict::unknown);
 }
 
+// As a rival too: it needs no larger amplitude to be plausible.
+TEST(Verdict, CountsARivalThatIsThereAtAnyAmplitude) {
+  auto forward = one(trial("viscoelastic_creep", {1e-12, 1}, 0.1));
+  forward.trials.push_back(trial("contact_gap", {1e-9}, 0.1));
+  const auto found = judged(forward);
+  EXPECT_EQ(found.verdict, Verdict::ambiguous);
+  ASSERT_EQ(found.trials.size(), 2u);
+  // A number less: ln(samples) in the difference of the information criterion, which is tempered.
+  const double more = 0.5 * std::log(samples) / options.likelihood_tempering;
+  EXPECT_NEAR(std::log(found.trials[0].second / found.trials[1].second), 0, more);
+}
+
 // Another that is to be believed is named though it fits less well.
 TEST(Verdict, PrefersWhatIsToBeBelieved) {
   auto forward = one(trial("prestress_relaxation", {0.72, 10}, 0.01));

@@ -64,7 +64,8 @@ double cost_of_plausible(const Trial& trial, const SelectionOptions& options) {
       [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reach) {
         if (which != 0) return;
         const auto& p = effect.parameters[which];
-        const double value = std::abs(c.value(z)), nearest = std::clamp(value, p.low / about, p.high * about),
+        const double least = effect.fades ? p.low / about : 0;  // else it is there at any amplitude
+        const double value = std::abs(c.value(z)), nearest = std::clamp(value, least, p.high * about),
                      deviation = reach.all * std::abs(c.slope(z)) /
                                  (interval_90 * interval_inflation(trial.fit, options));
         if (value != nearest) cost += std::pow((value - nearest) / deviation, 2);
