@@ -386,7 +386,7 @@ TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
     const auto at = inference::prior_mean(hypothesis);
     const SimulationOptions begin{.tolerance = 1e-5, .domains = 1000, .shift = 7};
     inference::WhitenedRecordings fine(bench, noises, {0, 1}, begin, 2);
-    const double stated = inference::converge_fine_fidelity(fine, hypothesis, at, 16000, 12).error;
+    const double stated = inference::converge_fine_fidelity(fine, hypothesis, at, 16000).error;
     const int domains = fine.simulation().domains;
     auto exact = begin;
     exact.domains = 60000;
@@ -446,7 +446,7 @@ TEST(Discrepancy, AnAnchorTakesOutMostOfTheErrorOfFewNodes) {
   EXPECT_LT(left, 0.1 * without) << without;
 
   const auto far = widely_spread(hypothesis, at);
-  const auto converged = inference::converge_fine_fidelity(fine, hypothesis, far, 16000, 12);
+  const auto converged = inference::converge_fine_fidelity(fine, hypothesis, far, 16000);
   EXPECT_LT((converged.residual - reference.evaluate(hypothesis, far)).squaredNorm(), 20);
   EXPECT_TRUE(fine.is_anchored());
   EXPECT_LT((fine.evaluate(hypothesis, far) - converged.residual).norm(), 1e-9 * converged.residual.norm());
@@ -491,7 +491,7 @@ TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
   const auto chosen_at = [&](const Eigen::VectorXd& z, double allowed) {
     inference::WhitenedRecordings coarse(bench, noises, {0, 1}, begin, 2),
         fine(bench, noises, {0, 1}, begin, 2);
-    inference::choose_fidelities(coarse, fine, hypothesis, z, 16000, 12, allowed);
+    inference::choose_fidelities(coarse, fine, hypothesis, z, 16000, allowed);
     EXPECT_LT(inference::difference_of_fidelities(coarse, fine, hypothesis, z), allowed);
     EXPECT_LT(inference::difference_of_fidelities(coarse, reference, hypothesis, z), 1.2 * allowed);
     const int domains = coarse.simulation().domains;

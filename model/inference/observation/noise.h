@@ -36,8 +36,8 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
                                                     std::vector<std::string>& warnings);
 
 // What two programs that solve the same equations differ by in these recordings, each recalibrated to the
-// same data, in the sum of squares: n (d / sigma)^2 over the channels, n rows with the noise sigma, d 2.5e-5
-// of the range.
+// same data, in the sum of squares: n (d / sigma)^2 over the channels, n measured rows with the noise sigma,
+// d 2.5e-5 of the range.
 double squares_between_programs(const std::vector<BenchRecording>& bench,
                                 const std::vector<std::vector<NoiseModel>>& noise,
                                 std::span<const std::size_t> recordings);

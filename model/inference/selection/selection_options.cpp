@@ -23,7 +23,6 @@ bool SelectionOptions::is_valid(std::string* error) const {
                                                              {"second_detection", second_detection},
                                                              {"relative_remainder", relative_remainder},
                                                              {"lack_of_fit", lack_of_fit},
-                                                             {"unnoticed", unnoticed},
                                                              {"better_base", better_base},
                                                              {"testable", testable},
                                                              {"wild_step", wild_step},

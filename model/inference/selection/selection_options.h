@@ -14,8 +14,8 @@ struct SelectionOptions {
   // Detection, by the difference of the Bayesian information criterion (BIC, G. Schwarz 1978) to the base
   // model.
   double detection = 60;  // An effect is detected by more than this. What another program's simulations
-                          // of the base model differ by stays below it.
-  double unnoticed = 12;  // No verdict notices a change of a sum of squares of this size.
+                          // of the base model differ by stays below it at a noise of 0.1 % of the range;
+                          // where it is less, this is raised (`raise_detection`).
   double second_detection = 60;  // A second effect must take off as much again.
   // What an explanation may leave relative to what it explains. Two programs agree to a few parts in 10,000.
   double relative_remainder = 1e-4;

@@ -221,8 +221,7 @@ Trial TrialFits::alone(const Trial& pair, std::size_t which) const {
 
 void TrialFits::polish(Trial& t, const std::function<void()>& in_between) const {
   if (t.polished) return;
-  auto converged =
-      converge_fine_fidelity(fine_, t.fit.hypothesis, t.fit.z, task_.most_domains, options_.unnoticed);
+  auto converged = converge_fine_fidelity(fine_, t.fit.hypothesis, t.fit.z, task_.most_domains);
   t.numerical_error = converged.error;
   apply_fidelity_correction(coarse_, std::move(converged.residual), t.fit);
   if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);

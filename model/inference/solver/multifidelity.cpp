@@ -9,6 +9,9 @@
 namespace ferrobench::model::inference {
 namespace {
 
+// A verdict does not notice a change of the sum of squares of this size, where 60 or more count as a
+// detection.
+constexpr double unnoticed = 12;
 // Corrections are made anew so many times at most.
 constexpr int most_rounds = 4;
 // What twice the nodes take off the squares, to guess how many are enough: of four benches of the campaign, a
@@ -36,8 +39,8 @@ double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedR
 }
 
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                         const Eigen::VectorXd& z, int most_domains, double unnoticed, double coarse_error) {
-  const auto [exact, error] = converge_fine_fidelity(fine, hypothesis, z, most_domains, unnoticed);
+                         const Eigen::VectorXd& z, int most_domains, double coarse_error) {
+  const auto [exact, error] = converge_fine_fidelity(fine, hypothesis, z, most_domains);
   // Of the nodes that are to serve every spread, the base has a third.
   const bool every_spread = fine.simulation().every_spread;
   struct Choice {
@@ -79,7 +82,7 @@ std::pair<Eigen::VectorXd, double> with_error(WhitenedResiduals& fine, const Hyp
 }  // namespace
 
 ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                                         const Eigen::VectorXd& z, int most_domains, double unnoticed) {
+                                         const Eigen::VectorXd& z, int most_domains) {
   const bool anchored = fine.is_anchored();
   for (;;) {
     auto [residual, squares] = with_error(fine, hypothesis, z);

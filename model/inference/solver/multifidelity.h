@@ -16,10 +16,10 @@ struct ConvergedFidelity {
   double error = 0;          // its own, root mean square in standard deviations of the noise
 };
 // Doubles the nodes of the fine simulation, to `most_domains` at most, until two shifts of its lattice give
-// residuals at z that differ by less than `unnoticed` in the sum of squares. If it is anchored, so far away
-// that its error shows here, the anchor is moved to z.
+// residuals at z that no verdict would tell apart. If it is anchored, so far away that its error shows here,
+// the anchor is moved to z.
 ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                                         const Eigen::VectorXd& z, int most_domains, double unnoticed);
+                                         const Eigen::VectorXd& z, int most_domains);
 // Anchors the fine simulation at z, where it gives `residual`, and goes on with fewer nodes: explanations are
 // compared with each other, and what the lattice adds to all of them alike is no part of that.
 void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
@@ -35,7 +35,7 @@ inline constexpr double coarse_error_if_corrected = 20, last_steps_error = 0.8, 
 // Makes `fine` fine enough for the model at z, and `coarse` the cheapest simulation that differs from it by
 // no more than `coarse_error`; chooses what makes the last steps. Returns the fine one's own error, as above.
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                         const Eigen::VectorXd& z, int most_domains, double unnoticed,
+                         const Eigen::VectorXd& z, int most_domains,
                          double coarse_error = coarse_error_if_corrected);
 // Root mean square of their difference at z.
 double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,

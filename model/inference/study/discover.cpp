@@ -173,8 +173,7 @@ class Inquiry {
   // explain.
   std::set<std::size_t> run() {
     s_.tick("choosing how finely to simulate", 0.01);
-    const double error =
-        choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains, s_.selection.unnoticed);
+    const double error = choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains);
     s_.out.health.numerical_error_over_noise = error;
     s_.selection.raise_detection(error * error * fine_.samples());
     found_ = ask(true, {});
@@ -221,8 +220,8 @@ class Inquiry {
     Fit given;
     given.hypothesis = base_;
     given.z = prior_mean(base_);
-    improved_ = try_to_improve(given, improvement_task(s_, fine_.simulation(), share_of_recalibration),
-                               s_.out.health.warnings);
+    improved_ = improve(given, improvement_task(s_, fine_.simulation(), share_of_recalibration),
+                        s_.out.health.warnings);
     if (!improved_ || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
     // A large effect, or a valley that noise alone did not lead out of: then noise is the measure after all.
     const bool base_alone = improved_->added.empty();
@@ -257,7 +256,7 @@ class Inquiry {
     auto task = improvement_task(s_, fine_.simulation(), share_of_selection);
     task.named = s_.out.added;
     if (task.named.empty()) task.by_noise = &coarse_;
-    auto improved = try_to_improve(after_, task, s_.out.health.warnings);
+    auto improved = improve(after_, task, s_.out.health.warnings);
     if (improved && improved->added.size() > task.named.size()) improved_ = std::move(improved);
   }
 

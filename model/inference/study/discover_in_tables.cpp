@@ -88,8 +88,8 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   WhitenedTableCells coarse(experiments, train, stoppable({}, options), threads);
   WhitenedTableCells fine(experiments, train, stoppable(fine_for_tables, options), threads);
   tick("choosing how finely to simulate", 0.01);
-  out.health.numerical_error_over_noise = choose_fidelities(
-      coarse, fine, hypothesis, prior_mean(hypothesis), fine_for_tables.domains, options.selection.unnoticed);
+  out.health.numerical_error_over_noise =
+      choose_fidelities(coarse, fine, hypothesis, prior_mean(hypothesis), fine_for_tables.domains);
   auto selection = options.selection;
   selection.single_effect = true;
   selection.relative_remainder = std::max(selection.relative_remainder, table_remainder);

@@ -267,14 +267,10 @@ class Improver {
 
 }  // namespace
 
-Improvement improve(const Fit& base, const ImprovementTask& task) {
-  return Improver(task, base).run();
-}
-
-std::optional<Improvement> try_to_improve(const Fit& base, const ImprovementTask& task,
-                                          std::vector<std::string>& warnings) {
+std::optional<Improvement> improve(const Fit& base, const ImprovementTask& task,
+                                   std::vector<std::string>& warnings) {
   try {
-    return improve(base, task);
+    return Improver(task, base).run();
   } catch (const Error& failure) {
     if (failure.code() != ErrorCode::numerical) throw;
     warnings.push_back(std::string("What is left was not narrowed: ") + failure.what() + ".");

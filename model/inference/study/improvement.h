@@ -77,9 +77,8 @@ struct Improvement {
 };
 
 // From where a base model stands. By noise alone it has to be a fit to the end; else hypothesis and z do.
-Improvement improve(const Fit& base, const ImprovementTask& task);
 // None, and a warning, where a simulation fails on the way: what was found before stands.
-std::optional<Improvement> try_to_improve(const Fit& base, const ImprovementTask& task,
-                                          std::vector<std::string>& warnings);
+std::optional<Improvement> improve(const Fit& base, const ImprovementTask& task,
+                                   std::vector<std::string>& warnings);
 
 }  // namespace ferrobench::model::inference

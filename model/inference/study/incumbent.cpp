@@ -130,8 +130,7 @@ void Incumbent::weigh_rows() {
   WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
   if (!first && difference_of_fidelities(*residuals_, fine, at_.hypothesis, at_.z) < coarse_error_alone)
     return;
-  choose_fidelities(*residuals_, fine, at_.hypothesis, at_.z, simulation_.domains, task_.selection.unnoticed,
-                    coarse_error_alone);
+  choose_fidelities(*residuals_, fine, at_.hypothesis, at_.z, simulation_.domains, coarse_error_alone);
   coarse_ = residuals_->simulation();
 }
 
