@@ -68,7 +68,8 @@ const std::vector<Plan>& plans() {
   return all;
 }
 
-recordings::Recording record(Model m, const Plan& plan, std::uint64_t seed) {
+recordings::Recording record(Model m, const Plan& plan, std::uint64_t seed,
+                             const protocols::Past* past = nullptr) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   m.load.prestress = plan.prestress;
@@ -84,7 +85,7 @@ recordings::Recording record(Model m, const Plan& plan, std::uint64_t seed) {
     r.time.push_back(t);
     command.push_back(e0 + (e1 - e0) * (t - t0) / (t1 - t0));
   }
-  const auto t = simulate(m, r.time, command, {.tolerance = 3e-5, .domains = 1500, .shift = 5});
+  const auto t = simulate(m, r.time, command, {.tolerance = 3e-5, .domains = 1500, .shift = 5, .past = past});
   r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
                        m.actuator.layer_count};
   r.header.load = {m.load.spring_stiffness, m.load.prestress};
@@ -398,6 +399,29 @@ TEST(Discrepancy, TheFineSimulationIsRefinedForAWideSpread) {
     return domains;
   };
   EXPECT_GE(domains_wanted(spread), 2 * domains_wanted(real_bench()));
+}
+
+// Levels that were gone to at another pace than the recording's own, beside parameters that are off.
+TEST(Discrepancy, UnknownPastsAreEstimatedBesideTheRecalibration) {
+  using protocols::FirstState;
+  using protocols::Past;
+  using protocols::PastKind;
+  const std::vector<Past> pasts{{PastKind::poled_minus},
+                                {PastKind::visited, FirstState::poled_minus, {{1.1e6, 3}}},
+                                {PastKind::unpoled},
+                                {PastKind::poled_minus},
+                                {PastKind::visited, FirstState::poled_plus, {{-8e5, 0.3}}}};
+  std::vector<NamedRecording> recordings;
+  for (std::size_t i = 0; i < plans().size(); ++i)
+    recordings.push_back({plans()[i].name, record(real_bench(), plans()[i], 20 + i, &pasts[i])});
+  const auto found = discover(given(), recordings);
+  EXPECT_EQ(found.verdict, Verdict::nothing_missing) << text_report(found);
+  for (const auto& [channel, left] : found.left) EXPECT_LT(left.over_noise, 1.05);
+  for (std::size_t i = 0; i < pasts.size(); ++i) {
+    EXPECT_TRUE(found.pasts[i].chosen);
+    EXPECT_EQ(found.pasts[i].past.kind, pasts[i].kind) << protocols::in_words(found.pasts[i].past);
+    EXPECT_EQ(found.pasts[i].past.from, pasts[i].from) << protocols::in_words(found.pasts[i].past);
+  }
 }
 
 struct TwoRecordings {

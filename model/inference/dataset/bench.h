@@ -48,6 +48,8 @@ struct BenchRecording {
   // be: errors of (levels, times of the inner knots) = knot_error * (independent unit normals). See drive.h.
   std::vector<std::size_t> level_of;  // of the knots; both ends of a hold share one. Empty: known
   Eigen::MatrixXd knot_error;
+  // The past is a visit whose level and time were estimated, and are nuisance parameters.
+  bool past_is_free = false;
   // With these errors of (levels, times of the inner knots).
   BenchRecording with_knots_moved(const Eigen::VectorXd& errors) const;
   std::vector<double> time;                 // of the rows, s from the first sample

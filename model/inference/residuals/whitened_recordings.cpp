@@ -11,6 +11,10 @@ namespace ferrobench::model::inference {
 namespace {
 
 constexpr double believed_offset = 0.03;  // of the range
+// Standard deviations of an estimated past's level, as a share of the largest field, and of the logarithm of
+// its time: nothing else says what they were. Differences for their slopes: so long that the grain of few
+// domains does not show.
+constexpr double believed_level = 0.1, believed_pace = 2, level_step = 5e-3, pace_step = 0.1;
 // An effect that makes the model stiffer than this is not the one that is looked for.
 constexpr std::uint64_t dearer_at_most = 12, few_steps = 5000;
 
@@ -213,19 +217,51 @@ Eigen::VectorXd WhitenedRecordings::posterior_drive(const Hypothesis& hypothesis
   return precision.llt().solve(slopes.transpose() * miss);
 }
 
+// d residual / d (level, logarithm of its time) of a visit, by differences, in what is believed of them.
+Eigen::MatrixXd WhitenedRecordings::past_jacobian(const Setting& setting, std::size_t position) const {
+  auto r = bench_[chosen_[position]];
+  const auto given = r.header.past;
+  const auto miss = [&] {
+    auto simulated = simulate_bench(setting.model, apply_setting(setting, r), bounded(chosen_[position]));
+    for (std::size_t c = 0; c < simulated.size(); ++c)
+      for (double& v : simulated[c]) v *= gain_of(setting, r.channels[c].channel);
+    return miss_of(position, simulated);
+  };
+  const auto level = [&]() -> auto& {
+    return r.header.past.levels.back();
+  };
+  const auto stood = miss();
+  Eigen::MatrixXd out(stood.size(), 2);
+  const double reach = std::ranges::max(r.knot_field, {}, [](double e) { return std::abs(e); });
+  level().field += std::copysign(level_step * std::abs(reach), level().field);
+  out.col(0) = (miss() - stood) * (believed_level / level_step);
+  r.header.past = given;
+  level().seconds *= 1 + pace_step;
+  out.col(1) = (miss() - stood) * (believed_pace / std::log1p(pace_step));
+  return out;
+}
+
 void WhitenedRecordings::marginalize_drive(const Hypothesis& hypothesis, const Eigen::VectorXd& at) {
   drive_marginals_.clear();
-  if (std::ranges::none_of(chosen_, [&](std::size_t r) { return !bench_[r].level_of.empty(); })) return;
+  if (std::ranges::none_of(
+          chosen_, [&](std::size_t r) { return !bench_[r].level_of.empty() || bench_[r].past_is_free; }))
+    return;
   const auto setting = setting_at(hypothesis, at);
   std::vector<DriveMarginal> found(chosen_.size());
   in_parallel(chosen_.size(), threads(), [&](std::size_t position) {
     const auto& r = bench_[chosen_[position]];
     const std::size_t first = blocks_of_[position].first, last = blocks_of_[position].second;
     auto& a = found[position];
-    if (r.level_of.empty() || first == last) return;
+    if ((r.level_of.empty() && !r.past_is_free) || first == last) return;
     a.begin = blocks_[first].begin;
     a.count = blocks_[last - 1].begin + blocks_[last - 1].count - a.begin;
-    const auto columns = drive_jacobian(setting, position, Eigen::VectorXd::Zero(r.knot_error.cols()));
+    Eigen::MatrixXd columns(a.count, 0);
+    if (!r.level_of.empty())
+      columns = drive_jacobian(setting, position, Eigen::VectorXd::Zero(r.knot_error.cols()));
+    if (r.past_is_free) {
+      columns.conservativeResize(Eigen::NoChange, columns.cols() + 2);
+      columns.rightCols(2) = past_jacobian(setting, position);
+    }
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(columns.transpose() * columns);
     std::vector<Eigen::Index> used;
     for (Eigen::Index k = 0; k < columns.cols(); ++k)

@@ -103,6 +103,7 @@ class WhitenedRecordings final : public WhitenedResiduals {
     Eigen::MatrixXd directions;
     Eigen::VectorXd share;
   };
+  Eigen::MatrixXd past_jacobian(const Setting& setting, std::size_t position) const;
   static void marginalize(const DriveMarginal& a, Eigen::Ref<Eigen::VectorXd> column);
   std::vector<DriveMarginal> drive_marginals_;  // by position in chosen_, or none
   std::vector<Prepared> prepared_;

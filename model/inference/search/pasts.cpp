@@ -24,6 +24,14 @@ using protocols::PastKind;
 constexpr std::array levels{0.3, 0.45, 0.6, 0.75, 0.9, 1.0, 1.2, 1.5};
 // Steps of the golden section between the neighbours of the best: to 2 % of the distance.
 constexpr int refinements = 8;
+// Level and pace together: steps at most, their lengths and those of the differences (in shares of the
+// largest field, and in the logarithm of the time), and the gain that ends them.
+constexpr int steps_of_pace = 12;
+constexpr double most_of_level = 0.15, most_of_logarithm = 1.5, farthest_level = 2;
+constexpr double step_of_level = 1e-3, step_of_logarithm = 0.05;
+constexpr double least_gain_of_pace = 2;
+// They are asked for where the level alone leaves no more than so many times the best.
+constexpr double worth_refining = 10;
 
 // Degrees of poling to try between those that have names, and steps around the best: to 0.02.
 constexpr std::array degrees{-1.0, -0.85, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7, 0.85, 1.0};
@@ -40,17 +48,16 @@ constexpr double little = 3;
 // The share of what the presumed past leaves that another one may leave to be believed.
 constexpr double much_less = 0.5;
 
-struct Misfit {
-  double squares = std::numeric_limits<double>::infinity();
-  double independent = 1;  // rows
-};
-
 struct Hypothesis {
   Past past;
-  Misfit misfit{};
-  int numbers = 0;            // that were free
-  bool has_to_halve = false;  // the sum of squares
+  PastMisfit misfit{};
+  int numbers = 0;         // that were free
+  bool has_level = false;  // among them
 };
+
+double squares_of(const Hypothesis& h) {
+  return h.misfit.squares;
+}
 
 // The golden section between two places; `at` remembers what it is asked for.
 template <class At>
@@ -74,11 +81,9 @@ void golden_section(double low, double high, int steps, At&& at) {
 }
 
 // Of one recording. Its pace is the mean of how fast its field goes.
-class Judge {
+class Search {
  public:
-  Judge(std::span<const Model> models, const RecordingData& data, const PastChoice& choice)
-      : models_(models), data_(data), choice_(choice) {
-    const auto& [time, field] = data.drive;
+  Search(std::span<const double> time, std::span<const double> field, const PastSearch& how) : how_(how) {
     double path = 0;
     for (std::size_t k = 0; k < field.size(); ++k) {
       largest_ = std::max(largest_, std::abs(field[k]));
@@ -87,40 +92,79 @@ class Judge {
     if (time.size() > 1) pace_ = path / (time.back() - time.front());
   }
 
-  Past likeliest() { return likeliest_of_all().past; }
-  // Whether the presumed past leaves much that another one does not.
-  bool contradicts_presumed() {
-    const double presumed = misfit(*choice_.presumed).squares;
-    if (presumed <= little * little * static_cast<double>(data_.columns.size())) return false;
-    return likeliest_of_all().misfit.squares < much_less * presumed;
+  std::optional<FoundPast> likeliest() {
+    std::vector<Hypothesis> all;
+    const auto add = [&](const Past& past) { all.push_back({past, how_.misfit(past)}); };
+    if (!how_.cycled_alone) {
+      for (const auto kind : {PastKind::poled_plus, PastKind::poled_minus, PastKind::unpoled}) add({kind});
+      const auto best = std::ranges::min_element(all, {}, squares_of);
+      if (best->misfit.squares <= how_.enough) return FoundPast{best->past, best->misfit};
+    }
+    std::vector<Hypothesis> cycled;
+    for (const auto from : {FirstState::poled_minus, FirstState::unpoled, FirstState::poled_plus}) {
+      const Past past{PastKind::cycled, from};
+      cycled.push_back({past, how_.misfit(past)});
+    }
+    if (how_.degrees) all.push_back(partly_poled(cycled));
+    std::ranges::move(cycled, std::back_inserter(all));
+    if (!how_.cycled_alone && pace_ > 0)
+      for (const bool unpoled : {false, true}) {
+        auto level = last_level(unpoled);
+        if (how_.residual &&
+            level.misfit.squares < worth_refining * std::ranges::min(all, {}, squares_of).misfit.squares)
+          level = with_pace(std::move(level));
+        all.push_back(std::move(level));
+      }
+    const auto* best = &*std::ranges::min_element(all, {}, squares_of);
+    if (!std::isfinite(best->misfit.squares)) return std::nullopt;
+    const double n = best->misfit.independent;
+    const double of_level = how_.level_gain.value_or(-n * std::log(much_less));
+    const auto found = std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
+      return n * std::log(h.misfit.squares + how_.not_seen) + h.numbers * std::log(n) +
+             (h.has_level ? of_level : 0);
+    });
+    return FoundPast{found->past, found->misfit};
+  }
+
+  // Level and pace by damped Gauss-Newton steps, with slopes by differences: a level that was gone to more
+  // slowly is not the same as a higher one.
+  Hypothesis with_pace(Hypothesis from) {
+    from.numbers = 2;
+    auto left = how_.residual(from.past);
+    const auto moved = [&](double share, double logarithm) {
+      auto out = from.past;
+      auto& level = out.levels.front();
+      level.field = std::copysign(
+          std::clamp(std::abs(level.field) + share * largest_, 0.0, farthest_level * largest_), level.field);
+      level.seconds *= std::exp(logarithm);
+      return out;
+    };
+    for (int i = 0; i < steps_of_pace; ++i) {
+      Eigen::Matrix<double, Eigen::Dynamic, 2> slopes(left.size(), 2);
+      slopes.col(0) = (how_.residual(moved(step_of_level, 0)) - left) / step_of_level;
+      slopes.col(1) = (how_.residual(moved(0, step_of_logarithm)) - left) / step_of_logarithm;
+      Eigen::Matrix2d normal = slopes.transpose() * slopes;
+      const Eigen::Vector2d gradient = slopes.transpose() * left;
+      double gained = 0;
+      for (double damping = 1e-3; damping < 1e3 && gained <= 0; damping *= 30) {
+        Eigen::Matrix2d damped = normal;
+        damped.diagonal() *= 1 + damping;
+        Eigen::Vector2d step = -damped.ldlt().solve(gradient);
+        step *= std::min({1.0, most_of_level / std::abs(step[0]), most_of_logarithm / std::abs(step[1])});
+        const auto past = moved(step[0], step[1]);
+        const auto there = how_.misfit(past);
+        if (!(there.squares < from.misfit.squares)) continue;
+        gained = from.misfit.squares - there.squares;
+        from.past = past;
+        from.misfit = there;
+      }
+      if (gained < least_gain_of_pace) break;
+      left = how_.residual(from.past);
+    }
+    return from;
   }
 
  private:
-  Hypothesis likeliest_of_all() {
-    std::vector<Hypothesis> all;
-    const auto add = [&](const Past& past, int numbers) {
-      all.push_back({past, misfit(past), numbers, numbers > 0});
-    };
-    for (const auto from : {FirstState::poled_minus, FirstState::unpoled, FirstState::poled_plus})
-      add({PastKind::cycled, from}, 0);
-    // A degree shows in heights, and says nothing before these are known.
-    if (!choice_.heights_are_free) all.push_back(partly_poled(all));
-    if (!choice_.cycled_alone) {
-      for (const auto kind : {PastKind::poled_plus, PastKind::poled_minus, PastKind::unpoled}) add({kind}, 0);
-      for (const bool unpoled : {false, true})
-        if (pace_ > 0) add(last_level(unpoled), 1);
-    }
-    const auto* best =
-        &*std::ranges::min_element(all, {}, [](const Hypothesis& h) { return h.misfit.squares; });
-    if (!std::isfinite(best->misfit.squares)) return {data_.past};
-    const double n = best->misfit.independent;
-    const double floor = not_seen * not_seen * static_cast<double>(data_.columns.size());
-    return *std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
-      return n * std::log(h.misfit.squares + floor) + h.numbers * std::log(n) -
-             (h.has_to_halve ? n * std::log(much_less) : 0);
-    });
-  }
-
   Past visited(double level, bool unpoled) const {
     const auto far_side = level < 0 ? FirstState::poled_plus : FirstState::poled_minus;
     return {PastKind::visited, unpoled ? FirstState::unpoled : far_side, {{level, std::abs(level) / pace_}}};
@@ -132,7 +176,7 @@ class Judge {
     std::vector<Hypothesis> tried;
     const auto at = [&](double degree) {
       const Past past{.kind = PastKind::cycled, .from = FirstState::partly_poled, .poling = degree};
-      tried.push_back({past, misfit(past), 1});
+      tried.push_back({past, how_.misfit(past), 1});
       return tried.back().misfit.squares;
     };
     std::array<double, degrees.size()> squares{};
@@ -142,69 +186,112 @@ class Judge {
     const auto k = static_cast<std::size_t>(std::ranges::min_element(squares) - squares.begin());
     golden_section(degrees.at(k == 0 ? 0 : k - 1), degrees.at(std::min(k + 1, degrees.size() - 1)),
                    refinements_of_degree, at);
-    return *std::ranges::min_element(tried, {}, [](const Hypothesis& h) { return h.misfit.squares; });
+    return *std::ranges::min_element(tried, {}, squares_of);
   }
 
   // The extreme level by a grid and, around its best, by the golden section.
-  Past last_level(bool unpoled) {
-    std::vector<std::pair<double, double>> tried;  // level, squares
+  Hypothesis last_level(bool unpoled) {
+    std::vector<Hypothesis> tried;
     const auto at = [&](double level) {
-      tried.emplace_back(level, misfit(visited(level, unpoled)).squares);
-      return tried.back().second;
+      const auto past = visited(level, unpoled);
+      tried.push_back({past, how_.misfit(past), 1, true});
+      return tried.back().misfit.squares;
     };
     for (const double sign : {-1.0, 1.0})
       for (const double share : levels) at(sign * share * largest_);
-    const auto best = std::ranges::min_element(tried, {}, &std::pair<double, double>::second);
-    const auto place = static_cast<std::size_t>(best - tried.begin()), side = place / levels.size(),
-               k = place % levels.size();
+    const auto place =
+                   static_cast<std::size_t>(std::ranges::min_element(tried, {}, squares_of) - tried.begin()),
+               side = place / levels.size(), k = place % levels.size();
     const double sign = side == 0 ? -1 : 1;
     golden_section(levels.at(k == 0 ? 0 : k - 1), levels.at(std::min(k + 1, levels.size() - 1)), refinements,
                    [&](double share) { return at(sign * share * largest_); });
-    return visited(std::ranges::min_element(tried, {}, &std::pair<double, double>::second)->first, unpoled);
+    return *std::ranges::min_element(tried, {}, squares_of);
   }
 
-  Misfit misfit(const Past& past) {
-    Misfit out;
-    for (const auto& model : models_) {
-      if (choice_.count) choice_.count();
-      const auto simulated =
-          simulate_recorded(model_for(model, data_.header), data_, choice_.fidelity, {}, &past);
-      if (!simulated) continue;
-      Misfit here{0, 0};
-      for (const auto& column : data_.columns) add(column, simulated->at(column.channel), here);
-      if (here.squares < out.squares) out = here;
-    }
-    return out;
-  }
-
-  void add(const MeasuredColumn& column, const std::vector<double>& answer, Misfit& to) const {
-    double mean = 0, along = 0, own = 0;
-    for (const auto row : column.rows) mean += answer[row] / static_cast<double>(column.rows.size());
-    std::vector<double> left(column.rows.size());
-    for (std::size_t k = 0; k < left.size(); ++k) {
-      left[k] = answer[column.rows[k]] - mean;
-      along += left[k] * column.value[k];
-      own += left[k] * left[k];
-    }
-    // A channel may be higher or lower than the model's, not upside down.
-    const double height = choice_.heights_are_free && own > 0 ? std::max(0.0, along / own) : 1;
-    const double scale = residual_scale(column);
-    for (std::size_t k = 0; k < left.size(); ++k) {
-      left[k] = scale * (height * left[k] - column.value[k]);
-      to.squares += left[k] * left[k];
-    }
-    to.independent +=
-        std::max(1.0, static_cast<double>(left.size()) /
-                          correlated_rows(Eigen::Map<const Eigen::VectorXd>(left.data(), std::ssize(left))));
-  }
-
-  std::span<const Model> models_;
-  const RecordingData& data_;
-  const PastChoice& choice_;
+  const PastSearch& how_;
   double largest_ = 0, pace_ = 0;  // V/m, V/m/s
 };
 
+// A channel's part, over its range.
+void add(const MeasuredColumn& column, const std::vector<double>& answer, bool height_is_free,
+         PastMisfit& to) {
+  double mean = 0, along = 0, own = 0;
+  for (const auto row : column.rows) mean += answer[row] / static_cast<double>(column.rows.size());
+  std::vector<double> left(column.rows.size());
+  for (std::size_t k = 0; k < left.size(); ++k) {
+    left[k] = answer[column.rows[k]] - mean;
+    along += left[k] * column.value[k];
+    own += left[k] * left[k];
+  }
+  // A channel may be higher or lower than the model's, not upside down.
+  const double height = height_is_free && own > 0 ? std::max(0.0, along / own) : 1;
+  const double scale = residual_scale(column);
+  for (std::size_t k = 0; k < left.size(); ++k) {
+    left[k] = scale * (height * left[k] - column.value[k]);
+    to.squares += left[k] * left[k];
+  }
+  to.independent +=
+      std::max(1.0, static_cast<double>(left.size()) /
+                        correlated_rows(Eigen::Map<const Eigen::VectorXd>(left.data(), std::ssize(left))));
+}
+
+PastMisfit misfit_over_range(std::span<const Model> models, const RecordingData& data,
+                             const PastChoice& choice, const Past& past) {
+  PastMisfit out;
+  for (const auto& model : models) {
+    if (choice.count) choice.count();
+    const auto simulated = simulate_recorded(model_for(model, data.header), data, choice.fidelity, {}, &past);
+    if (!simulated) continue;
+    PastMisfit here{0, 0};
+    for (const auto& column : data.columns)
+      add(column, simulated->at(column.channel), choice.heights_are_free, here);
+    if (here.squares < out.squares) out = here;
+  }
+  return out;
+}
+
+// Of one recording, as it is chosen over the range.
+class Judge {
+ public:
+  Judge(std::span<const Model> models, const RecordingData& data, const PastChoice& choice)
+      : data_(data),
+        presumed_(choice.presumed),
+        // A degree shows in heights, and says nothing before these are known.
+        how_{.misfit = [models, &data,
+                        &choice](const Past& p) { return misfit_over_range(models, data, choice, p); },
+             .degrees = !choice.heights_are_free,
+             .cycled_alone = choice.cycled_alone,
+             .not_seen = not_seen * not_seen * static_cast<double>(data.columns.size()),
+             .level_gain = {}} {}
+
+  std::optional<FoundPast> likeliest() const {
+    return likeliest_past(data_.drive.time, data_.drive.field, how_);
+  }
+  // Whether the presumed past leaves much that another one does not.
+  bool contradicts_presumed() const {
+    const double presumed = how_.misfit(*presumed_).squares;
+    if (presumed <= little * little * static_cast<double>(data_.columns.size())) return false;
+    const auto found = likeliest();
+    return found && found->misfit.squares < much_less * presumed;
+  }
+
+ private:
+  const RecordingData& data_;
+  const std::optional<Past>& presumed_;
+  PastSearch how_;
+};
+
 }  // namespace
+
+std::optional<FoundPast> likeliest_past(std::span<const double> time, std::span<const double> field,
+                                        const PastSearch& how) {
+  return Search(time, field, how).likeliest();
+}
+
+FoundPast refined_past(std::span<const double> field, const Past& visit, const PastSearch& how) {
+  const auto found = Search({}, field, how).with_pace({visit, how.misfit(visit)});
+  return {found.past, found.misfit};
+}
 
 std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const RecordingData> data,
                                const PastChoice& choice) {
@@ -222,7 +309,10 @@ std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const Re
     }
   }
   tbb::parallel_for(std::size_t{0}, data.size(), [&](std::size_t i) {
-    out[i] = known(i) ? data[i].header.past : Judge(models, data[i], choice).likeliest();
+    if (const auto found = known(i) ? std::nullopt : Judge(models, data[i], choice).likeliest())
+      out[i] = found->past;
+    else
+      out[i] = known(i) ? data[i].header.past : data[i].past;
   });
   return out;
 }

@@ -15,7 +15,9 @@
 // the coercive fields and which way the first ramp goes tell the pasts apart all the same.
 #pragma once
 
+#include <Eigen/Dense>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -30,6 +32,38 @@ struct FittedPast {
   protocols::Past past;
   bool chosen = false;  // as the likeliest; else the recording says so itself
 };
+
+// What a past leaves of one recording.
+struct PastMisfit {
+  double squares = std::numeric_limits<double>::infinity();  // infinite: it cannot be simulated
+  double independent = 1;                                    // rows
+};
+
+struct PastSearch {
+  std::function<PastMisfit(const protocols::Past&)> misfit;
+  bool degrees = true;        // a specimen may have been partly poled before it was cycled
+  bool cycled_alone = false;  // no other kind
+  double not_seen = 0;        // of the sum of squares: a smaller one is no likelier
+  // What -2 ln L has to fall by for a free level, beyond what its number costs; empty: n ln 2, see above.
+  std::optional<double> level_gain{};
+  double enough = 0;  // A past with a name that leaves no more than this is taken.
+  // The residual whose sum of squares `misfit` states. Where it is given, the time in which a level was gone
+  // to is free as well; else it is that of the recording's own pace.
+  std::function<Eigen::VectorXd(const protocols::Past&)> residual{};
+};
+
+struct FoundPast {
+  protocols::Past past;
+  PastMisfit misfit;
+};
+
+// The likeliest past of a recording that was driven by this field (V/m, linear between times in s); none
+// where no past can be simulated.
+std::optional<FoundPast> likeliest_past(std::span<const double> time, std::span<const double> field,
+                                        const PastSearch& how);
+
+// A visit's level and time from where they stand; `how` has a residual.
+FoundPast refined_past(std::span<const double> field, const protocols::Past& visit, const PastSearch& how);
 
 struct PastChoice {
   Fidelity fidelity;

@@ -12,6 +12,7 @@
 #include "model/inference/selection/residual_basis.h"
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/improvement.h"
+#include "model/inference/study/unknown_pasts.h"
 #include "model/inference/study/validation.h"
 #include "model/inference/study/workflow.h"
 #include "recordings/analysis/skew.h"
@@ -25,9 +26,6 @@ constexpr std::size_t rows_together = 40000;
 // The fine simulation begins with these nodes, and ends with so many as make its error unnoticeable.
 constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
 constexpr int most_domains = 16000;
-
-// A choice of pasts simulates by so many domains at this tolerance, as the starts of a fit do (study/fit.h).
-constexpr SimulationOptions for_pasts{.tolerance = 1e-3, .domains = 128};
 
 // Of the time, until effects are selected, where a gap is narrowed afterwards (measured: about half); and
 // until the base is recalibrated. Where nothing is to be narrowed, progress ends with a leap.
@@ -43,6 +41,7 @@ struct Session {
   Clock::time_point begin = Clock::now();
   Discovery out;
   bool presumed_past = true;        // of all that name none
+  Eigen::VectorXd start;            // of the recalibration, where pasts were settled on; else empty
   std::vector<RecordingData> data;  // as a choice of pasts sees the recordings
   std::vector<BenchRecording> bench;
   std::vector<std::vector<NoiseModel>> noise;
@@ -62,15 +61,9 @@ void drop_untestable(Session& s) {
   std::erase_if(s.tables, before_monitor);
 }
 
-// Recordings that name no past get the likeliest one under the model. Poled towards + is presumed, as the
-// simulator does.
 void choose_unknown_pasts(const Model& base, std::vector<NamedRecording>& recordings, Session& s) {
   for (const auto& r : recordings) s.data.push_back(prepare(r.recording));
-  const auto pasts =
-      choose_pasts({&base, 1}, s.data,
-                   {.fidelity = {.simulation = stoppable(for_pasts, s.options), .coarse = true},
-                    .heights_are_free = true,
-                    .presumed = protocols::Past{protocols::PastKind::poled_plus}});
+  const auto pasts = likeliest_pasts_as_given(base, s.data, s.options);
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     auto& past = recordings[i].recording.header.past;
     s.out.pasts.push_back({recordings[i].name, pasts[i], !past.known()});
@@ -79,19 +72,24 @@ void choose_unknown_pasts(const Model& base, std::vector<NamedRecording>& record
   }
 }
 
-// The likeliest ones under a model that was recalibrated.
-std::vector<protocols::Past> choose_pasts_again(const Model& model, const Session& s) {
-  // At a partial reversal fewer domains than these tell one past from another by the grain of their own sum:
-  // of loops that a bulk ceramic's model goes through at a third of its switching, 1,000 are 1 to 5 % of the
-  // range off, 4,000 less than 1 %, at a tolerance of 1e-3 as at a finer one.
-  constexpr SimulationOptions by{.tolerance = 1e-3, .domains = 4000};
-  return choose_pasts({&model, 1}, s.data,
-                      {.fidelity = {.simulation = stoppable(by, s.options), .coarse = true}});
+UnknownPasts unknown_pasts(Session& s) {
+  std::vector<bool> unknown;
+  for (const auto& p : s.out.pasts) unknown.push_back(p.chosen);
+  const auto tick = [&s](const std::string& stage) { s.tick(stage, 0.01); };
+  return {s.bench, s.noise, s.train, std::move(unknown), stoppable({}, s.options), s.threads, tick};
 }
 
-void set_pasts(Session& s, const std::vector<protocols::Past>& pasts) {
-  for (std::size_t i = 0; i < s.bench.size(); ++i)
-    if (s.out.pasts[i].chosen) s.bench[i].header.past = s.out.pasts[i].past = pasts[i];
+void tell_pasts(Session& s) {
+  for (std::size_t i = 0; i < s.bench.size(); ++i) s.out.pasts[i].past = s.bench[i].header.past;
+}
+
+// What was chosen under the given model may have been wrong as that model was.
+void settle_unknown_pasts(const Model& base, Session& s) {
+  if (s.presumed_past) return;
+  auto settled = settle_pasts(unknown_pasts(s), base_hypothesis(base, s.bench));
+  s.presumed_past = settled.presumed;
+  s.start = std::move(settled.z);
+  tell_pasts(s);
 }
 
 // What narrowing a gap needs to know of this bench; `begun` of the whole is done before.
@@ -117,8 +115,11 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
         {.seed = s.options.seed, .threads = s.threads, .simulation = fine, .tick = search_tick});
   };
   if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return out;
-  out.choose_pasts = [&s](const Model& m) { return choose_pasts_again(m, s); };
-  out.set_pasts = [&s](const std::vector<protocols::Past>& pasts) { set_pasts(s, pasts); };
+  out.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.options); };
+  out.set_pasts = [&s](const std::vector<protocols::Past>& pasts) {
+    hold_pasts(s.bench, pasts);
+    tell_pasts(s);
+  };
   return out;
 }
 
@@ -176,7 +177,7 @@ class Inquiry {
     const double error = choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains);
     s_.out.health.numerical_error_over_noise = error;
     s_.selection.raise_detection(error * error * fine_.samples());
-    found_ = ask(true, {});
+    found_ = ask(true, s_.start);
     if (found_.gross) improve_gross();
     summarize(found_, s_.selection, s_.out);
     before_ = found_.base;
@@ -295,6 +296,7 @@ class Inquiry {
     std::set<std::size_t> unexplained_locked;
     const bool added = !out.added.empty();
     const auto figures = [this](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
+      refine_pasts(unknown_pasts(s_), f.hypothesis, f.z);
       return found_.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f.hypothesis, f.z);
     };
     const auto before = figures(fine_, coarse_, before_),
@@ -325,6 +327,7 @@ class Inquiry {
       out.added.front().share = out.share;
       if (!s_.held_out.empty()) out.added.front().share_held_out = out.share_held_out;
     }
+    tell_pasts(s_);
     for (auto& t : traces(fine_, before, after, 4, false)) out.traces.push_back(std::move(t));
     out.health.simulations += coarse_.simulations();
     return unexplained_locked;
@@ -367,6 +370,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   drop_untestable(s);
   const auto as_read = s.out;
   split(s, held_out_by(s));
+  settle_unknown_pasts(base, s);
   auto unexplained_locked = Inquiry(s, base).run();
   if (s.out.verdict == Verdict::nothing_missing && !unexplained_locked.empty() && options.held_out.empty()) {
     // What is missing shows in those alone, so they are learned from, and others are held out.
