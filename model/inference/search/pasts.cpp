@@ -30,6 +30,8 @@ constexpr int steps_of_pace = 12;
 constexpr double most_of_level = 0.15, most_of_logarithm = 1.5, farthest_level = 2;
 constexpr double step_of_level = 1e-3, step_of_logarithm = 0.05;
 constexpr double least_gain_of_pace = 2;
+constexpr int dampings = 5;
+constexpr double least_damping = 1e-3, more_damping = 30;
 // They are asked for where the level alone leaves no more than so many times the best.
 constexpr double worth_refining = 10;
 
@@ -105,8 +107,8 @@ class Search {
       const Past past{PastKind::cycled, from};
       cycled.push_back({past, how_.misfit(past)});
     }
-    if (how_.degrees) all.push_back(partly_poled(cycled));
-    std::ranges::move(cycled, std::back_inserter(all));
+    if (how_.degrees) cycled.push_back(partly_poled(cycled));
+    all.insert(all.begin(), cycled.begin(), cycled.end());
     if (!how_.cycled_alone && pace_ > 0)
       for (const bool unpoled : {false, true}) {
         auto level = last_level(unpoled);
@@ -146,7 +148,8 @@ class Search {
       Eigen::Matrix2d normal = slopes.transpose() * slopes;
       const Eigen::Vector2d gradient = slopes.transpose() * left;
       double gained = 0;
-      for (double damping = 1e-3; damping < 1e3 && gained <= 0; damping *= 30) {
+      double damping = least_damping;
+      for (int k = 0; k < dampings && gained <= 0; ++k, damping *= more_damping) {
         Eigen::Matrix2d damped = normal;
         damped.diagonal() *= 1 + damping;
         Eigen::Vector2d step = -damped.ldlt().solve(gradient);
