@@ -236,20 +236,22 @@ class Settling {
 SettledPasts settle_pasts(const UnknownPasts& of, const Hypothesis& base) {
   auto presumed = pasts_of(of.bench);
   Settling found(of, base, presumed);
+  const bool gross = found.is_gross();
   for (std::size_t r = 0; r < presumed.size(); ++r)
     if (of.unknown[r]) presumed[r] = Past{PastKind::poled_plus};
   const Settling by_presumed(of, base, presumed);
-  // Where it does no worse from the beginning, the others were chosen under a model that misses something.
+  // By noise a model that is wrong by much goes anywhere, and says nothing of pasts.
+  if (gross && by_presumed.is_gross()) {
+    hold_pasts(of.bench, found.pasts());
+    for (auto& r : of.bench) r.past_is_free = false;
+    return {};
+  }
+  // Where what is presumed does no worse from the beginning, the others were chosen under a model that misses
+  // something.
   if (found.fit().squares < by_presumed.fit().squares) {
     set_pasts(of, found.pasts());
-    // By noise a model that is wrong by much goes anywhere, and pasts with it.
-    const bool gross = found.is_gross();
-    if (!gross) found.run();
-    if (found.fit().squares < much_less * by_presumed.fit().squares) {
-      if (!gross) return {false, found.fit().z};
-      for (auto& r : of.bench) r.past_is_free = false;
-      return {};
-    }
+    found.run();
+    if (found.fit().squares < much_less * by_presumed.fit().squares) return {false, found.fit().z};
   }
   set_pasts(of, presumed);
   return {true, by_presumed.fit().z};
