@@ -8,6 +8,7 @@
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/empirical_term.h"
 #include "model/inference/study/model_error.h"
+#include "model/inference/study/unknown_pasts.h"
 
 namespace ferrobench::model::inference {
 namespace {
@@ -161,9 +162,7 @@ void Incumbent::refit_under_other_pasts() {
 }
 
 std::vector<protocols::Past> Incumbent::pasts() const {
-  std::vector<protocols::Past> out;
-  for (const auto& r : *task_.bench) out.push_back(r.header.past);
-  return out;
+  return pasts_of(*task_.bench);
 }
 
 // A model that is wrong by much misses its channels alike, over their ranges, and so the misses are counted.

@@ -243,7 +243,6 @@ SettledPasts settle_pasts(const UnknownPasts& of, const Hypothesis& base) {
   // By noise a model that is wrong by much goes anywhere, and says nothing of pasts.
   if (gross && by_presumed.is_gross()) {
     hold_pasts(of.bench, found.pasts());
-    for (auto& r : of.bench) r.past_is_free = false;
     return {};
   }
   // Where what is presumed does no worse from the beginning, the others were chosen under a model that misses
