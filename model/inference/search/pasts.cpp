@@ -149,9 +149,10 @@ class Search {
       const Eigen::Vector2d gradient = slopes.transpose() * left;
       double gained = 0;
       double damping = least_damping;
-      for (int k = 0; k < dampings && gained <= 0; ++k, damping *= more_damping) {
+      for (int k = 0; k < dampings && gained <= 0; ++k) {
         Eigen::Matrix2d damped = normal;
         damped.diagonal() *= 1 + damping;
+        damping *= more_damping;
         Eigen::Vector2d step = -damped.ldlt().solve(gradient);
         step *= std::min({1.0, most_of_level / std::abs(step[0]), most_of_logarithm / std::abs(step[1])});
         const auto past = moved(step[0], step[1]);
