@@ -15,6 +15,7 @@
 #include "model/inference/parameters/parameters.h"
 #include "model/inference/report/discovery_report.h"
 #include "model/inference/study/discover.h"
+#include "model/inference/study/empirical_term.h"
 #include "model/model.h"
 #include "model/on_recording.h"
 
@@ -131,6 +132,29 @@ TEST(Improvement, WhatANamedEffectLeavesIsNarrowedByATable) {
   for (const auto& a : d.added) EXPECT_EQ(a.term.parameters.size(), find_effect(a.term.id).parameters.size());
   EXPECT_LT(d.left.at(Channel::displacement).model_error, 0.002);
   EXPECT_GT(d.share_held_out, 0.99);
+}
+
+// A strain that pushes against nothing is linear in the weights of its table, so what the linearized term
+// promises is what the fit gets; only the width is not looked for further.
+TEST(EmpiricalTerm, PromisesWhatItsFitGets) {
+  using namespace inference;
+  const auto model = library_model("linear-capacitor");
+  std::vector<std::string> warnings;
+  const auto bench = prepare_bench(model, {{"first", with_backlash(0.3, 1)}}, 40000, warnings);
+  const auto noise = estimate_noise(bench, warnings);
+  const WhitenedRecordings residuals(bench, noise, {0}, {}, 2);
+  const auto base = base_hypothesis(model, bench);
+  const auto without = minimize(residuals, base, prior_mean(base), {.tick = {}});
+  const LogLikelihoodRatio likelihood = [&](const Fit& with) { return without.squares - with.squares; };
+  const auto field = 1.5e6, strain = 1e-5;
+  const auto linearized =
+      linearize_term(find_effect("empirical_strain"), residuals, without, {strain, field}, likelihood);
+  ASSERT_EQ(linearized.fixed.size(), 3);  // and the time constant, of the recording's own times
+  EXPECT_GT(linearized.fixed.back(), 1e-3);
+  EXPECT_LT(linearized.fixed.back(), 1);
+  const auto fitted = fit_empirical(residuals, without, linearized, likelihood, {.tick = {}});
+  EXPECT_LT(fitted.fit.squares, 0.01 * without.squares);
+  EXPECT_NEAR(linearized.evidence, fitted.evidence, 1e-3 * fitted.evidence);
 }
 
 TEST(Improvement, WithoutACommandNothingIsSaidOfTheAmplifier) {

@@ -49,10 +49,10 @@ struct Step {
   double share = 0;        // of Levenberg's step
 };
 
-// Levenberg's step, bent as the valley is and as long as promises most.
-Step next_step(const WhitenedResiduals& residuals, const Fit& fit, double damping) {
-  const Eigen::MatrixXd normal = fit.normal();
-  const Eigen::VectorXd gradient = fit.gradient();
+// Levenberg's step, bent as the valley is and as long as promises most. `normal` and `gradient` are the
+// fit's.
+Step next_step(const WhitenedResiduals& residuals, const Fit& fit, const Eigen::MatrixXd& normal,
+               const Eigen::VectorXd& gradient, double damping) {
   Eigen::MatrixXd damped = normal;
   damped.diagonal() *= 1 + damping;
   const auto factor = damped.ldlt();
@@ -156,11 +156,15 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
   bool ended = false;
   for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
     const double enough = std::max(options.enough, 1e-4 * gained);
-    if (out.fresh && (ended || out.predicted_decrease() < enough ||
-                      !out.may_reach(options.wanted, options.trusted_decrease)))
-      break;
+    if (out.fresh && ended) break;
+    const Eigen::MatrixXd normal = out.normal();
+    const Eigen::VectorXd gradient = out.gradient();
+    if (out.fresh) {
+      const double decrease = gradient.dot(normal.ldlt().solve(gradient));
+      if (decrease < enough || out.squares - options.trusted_decrease * decrease > options.wanted) break;
+    }
     if (options.tick) options.tick();
-    const auto next = next_step(residuals, out, damping);
+    const auto next = next_step(residuals, out, normal, gradient, damping);
     double gain = 0;
     if (next.promised > 0) {
       auto to = within(hypothesis, out.z + next.change);

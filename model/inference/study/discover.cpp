@@ -94,7 +94,7 @@ void settle_unknown_pasts(const Model& base, Session& s) {
 
 // What narrowing a gap needs to know of this bench; `begun` of the whole is done before.
 ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, double begun) {
-  ImprovementTask out{
+  return {
       .bench = &s.bench,
       .noise = &s.noise,
       .train = s.train,
@@ -107,20 +107,21 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
       .selection = s.selection,
       .floor = s.options.floor,
       .tick = [&s, begun](const std::string& stage, double f) { s.tick(stage, begun + (0.95 - begun) * f); }};
-  out.presumed_past = s.presumed_past;
-  out.search_bases = [&s, fine](const Model& base, const std::vector<std::vector<NoiseModel>>& errors,
-                                const SearchTick& search_tick) {
-    return search_bases(
-        base, s.candidates, recordings_of_search(s.data, s.bench, errors, s.train),
-        {.seed = s.options.seed, .threads = s.threads, .simulation = fine, .tick = search_tick});
+}
+
+// A model that is wrong by much may have misled the choice of pasts, and be far from its best parameters.
+void search_far(Session& s, ImprovementTask& task) {
+  task.presumed_past = s.presumed_past;
+  task.search_bases = [&s, fine = task.simulation](const Model& base, const auto& errors, const auto& ticks) {
+    return search_bases(base, s.candidates, recordings_of_search(s.data, s.bench, errors, s.train),
+                        {.seed = s.options.seed, .threads = s.threads, .simulation = fine, .tick = ticks});
   };
-  if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return out;
-  out.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.options); };
-  out.set_pasts = [&s](const std::vector<protocols::Past>& pasts) {
+  if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return;
+  task.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.options); };
+  task.set_pasts = [&s](const std::vector<protocols::Past>& pasts) {
     hold_pasts(s.bench, pasts);
     tell_pasts(s);
   };
-  return out;
 }
 
 void split(Session& s, const std::vector<bool>& held) {
@@ -221,8 +222,9 @@ class Inquiry {
     Fit given;
     given.hypothesis = base_;
     given.z = prior_mean(base_);
-    improved_ = improve(given, improvement_task(s_, fine_.simulation(), share_of_recalibration),
-                        s_.out.health.warnings);
+    auto task = improvement_task(s_, fine_.simulation(), share_of_recalibration);
+    search_far(s_, task);
+    improved_ = improve(given, task, s_.out.health.warnings);
     if (!improved_ || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
     // A large effect, or a valley that noise alone did not lead out of: then noise is the measure after all.
     const bool base_alone = improved_->added.empty();

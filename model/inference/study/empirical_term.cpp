@@ -10,7 +10,11 @@ namespace {
 
 constexpr double share_of_field = 0.05;
 constexpr double farthest_weight = 12;  // in prior standard deviations
-constexpr int width_rounds = 3;         // of the fixed point: it moves little after two
+// Of the fixed point for the width: where the residual is taken for linear they cost no simulation, and where
+// each is a fit, the width that the linearized term has moves little after two, and not at all by less than a
+// tenth.
+constexpr int rounds_linearized = 8, rounds_of_width = 3;
+constexpr double settled_width = 0.1;
 // Places of the time constant that are tried, between ten samples and the longest recording, of the
 // logarithm.
 constexpr std::array decades{0.25, 0.5, 0.75};
@@ -62,6 +66,30 @@ double largest_extension(const std::vector<BenchRecording>& bench) {
   return out;
 }
 
+double log_determinant(const Eigen::MatrixXd& normal) {
+  return Eigen::LDLT<Eigen::MatrixXd>(normal).vectorD().array().max(1e-300).log().sum();
+}
+
+// By which the weights' standard deviation has to be multiplied to be what they and their covariance say; the
+// weights are the last numbers of the normal matrix.
+double change_of_width(const Eigen::VectorXd& weights, const Eigen::MatrixXd& normal) {
+  const Eigen::MatrixXd covariance = normal.inverse();
+  const double undetermined = covariance.diagonal().tail(weights.size()).sum(),
+               determined = static_cast<double>(weights.size()) - undetermined;
+  return std::clamp(std::sqrt(weights.squaredNorm() / std::max(0.1, determined)), 0.1, 10.0);
+}
+
+// A fit with a term whose weights are zero, so that it does nothing yet; `slopes` are those of its weights.
+Fit with_zero_weights(const Fit& without, Hypothesis with, double width, const Eigen::MatrixXd& slopes) {
+  Fit out = without;
+  out.hypothesis = std::move(with);
+  out.z = prior_mean(out.hypothesis);
+  out.z.head(without.z.size()) = without.z;
+  out.jacobian.conservativeResize(Eigen::NoChange, out.z.size());
+  out.jacobian.rightCols(slopes.cols()) = width * slopes;
+  return out;
+}
+
 }  // namespace
 
 std::vector<double> held_numbers(const Effect& term, const Model& model,
@@ -104,53 +132,78 @@ Hypothesis with_empirical(const Hypothesis& h, const Effect& term, const std::ve
   return out;
 }
 
-TriedTerm fit_empirical(const WhitenedRecordings& residuals, const Fit& without, const Effect& term,
-                        std::vector<double> fixed,
-                        const std::function<double(const Fit&)>& log_likelihood_ratio,
+LinearizedTerm linearize_term(const Effect& term, const WhitenedRecordings& residuals, const Fit& without,
+                              std::vector<double> held, const LogLikelihoodRatio& log_likelihood_ratio) {
+  LinearizedTerm best{.term = &term, .fixed = held, .slopes = {}};
+  std::vector<double> time_constants;
+  if (term.parameters[held.size()].unit == "s") {
+    const auto [shortest, longest] = residuals.times();
+    for (const double place : decades)
+      time_constants.push_back(10 * shortest * std::pow(longest / (10 * shortest), place));
+    held.push_back(0);
+  }
+  const double determinant_without = log_determinant(without.normal());
+  const auto lags = std::ranges::count_if(
+      term.parameters, [](const EffectParameter& p) { return p.name.starts_with("lag_"); });
+  Eigen::MatrixXd slopes;
+  for (std::size_t k = 0; k < std::max<std::size_t>(1, time_constants.size()); ++k) {
+    if (!time_constants.empty()) held.back() = time_constants[k];
+    const auto by_weights = with_empirical(without.hypothesis, term, held, 1);
+    Eigen::VectorXd zero = prior_mean(by_weights);
+    zero.head(without.z.size()) = without.z;
+    // Of the weights only those of the lags, the last ones, see the time constant.
+    const auto first = slopes.size() == 0 ? without.z.size() : zero.size() - lags;
+    const auto made = residuals.slopes(by_weights, zero, first);
+    if (!made) continue;
+    if (slopes.size() == 0) slopes.resize(made->rows(), made->cols());
+    slopes.rightCols(made->cols()) = *made;
+    double width = 1;
+    for (int i = 0; i < rounds_linearized; ++i) {
+      auto fit =
+          with_zero_weights(without, with_empirical(without.hypothesis, term, held, width), width, slopes);
+      const Eigen::MatrixXd normal = fit.normal();
+      const Eigen::VectorXd step = -normal.ldlt().solve(fit.gradient());
+      fit.z += step;
+      fit.residual += fit.jacobian * step;
+      fit.squares = fit.residual.squaredNorm() + prior_squares(fit.hypothesis, fit.z);
+      const double evidence = log_likelihood_ratio(fit) - (log_determinant(normal) - determinant_without);
+      if (evidence > best.evidence) {
+        best.fixed = held;
+        best.width = width;
+        best.evidence = evidence;
+        best.slopes = slopes;
+      }
+      width *= change_of_width(fit.z.tail(slopes.cols()), normal);
+    }
+  }
+  return best;
+}
+
+TriedTerm fit_empirical(const WhitenedRecordings& residuals, const Fit& without,
+                        const LinearizedTerm& at_zero, const LogLikelihoodRatio& log_likelihood_ratio,
                         const SolverOptions& solver) {
-  TriedTerm best{.term = &term, .fit = {}};
-  const auto log_determinant = [](const Fit& f) {
-    const Eigen::LDLT<Eigen::MatrixXd> factor(f.normal());
-    return factor.vectorD().array().max(1e-300).log().sum();
-  };
-  const double determinant_without = log_determinant(without);
-  const auto solve = [&](double width, const Eigen::VectorXd& from) {
-    const auto hypothesis = with_empirical(without.hypothesis, term, fixed, width);
-    Eigen::VectorXd z = prior_mean(hypothesis);
-    z.head(from.size()) = from;
-    auto f = minimize(residuals, hypothesis, z, solver, &without);
+  TriedTerm best{.term = at_zero.term, .fit = {}};
+  const double determinant_without = log_determinant(without.normal());
+  double width = at_zero.width;
+  auto from =
+      with_zero_weights(without, with_empirical(without.hypothesis, *at_zero.term, at_zero.fixed, width),
+                        width, at_zero.slopes);
+  for (int i = 0; i < rounds_of_width; ++i) {
+    auto f = minimize(residuals, from.hypothesis, from.z, solver, &from);
     if (!f.fresh) refresh_jacobian(residuals, f);
-    return f;
-  };
-  const auto keep = [&](Fit f) {
-    const double evidence = log_likelihood_ratio(f) - (log_determinant(f) - determinant_without);
-    if (evidence <= best.evidence) return false;
+    const Eigen::MatrixXd normal = f.normal();
+    const double evidence = log_likelihood_ratio(f) - (log_determinant(normal) - determinant_without);
+    if (evidence <= best.evidence) break;
+    const auto weights = at_zero.slopes.cols();
+    const double change = change_of_width(f.z.tail(weights), normal);
+    width *= change;
+    from = f;
+    from.hypothesis = with_empirical(without.hypothesis, *at_zero.term, at_zero.fixed, width);
+    from.z.tail(weights) /= change;
+    from.jacobian.rightCols(weights) *= change;
     best.fit = std::move(f);
     best.evidence = evidence;
-    return true;
-  };
-  if (term.parameters[fixed.size()].unit == "s") {
-    const auto [shortest, longest] = residuals.times();
-    fixed.push_back(0);
-    double kept = 0;
-    for (const double place : decades) {
-      fixed.back() = 10 * shortest * std::pow(longest / (10 * shortest), place);
-      if (keep(solve(1, without.z))) kept = fixed.back();
-    }
-    fixed.back() = kept;
-  } else {
-    keep(solve(1, without.z));
-  }
-  if (!std::isfinite(best.evidence)) return best;
-  const auto known = without.z.size();
-  double width = 1;
-  for (int i = 0; i < width_rounds; ++i) {
-    const auto weights = best.fit.z.tail(best.fit.z.size() - known);
-    const Eigen::MatrixXd covariance = best.fit.normal().inverse();
-    const double undetermined = covariance.diagonal().tail(weights.size()).sum(),
-                 determined = static_cast<double>(weights.size()) - undetermined;
-    width *= std::clamp(std::sqrt(weights.squaredNorm() / std::max(0.1, determined)), 0.1, 10.0);
-    if (!keep(solve(width, best.fit.z.head(known)))) break;
+    if (std::abs(std::log(change)) < settled_width) break;
   }
   return best;
 }

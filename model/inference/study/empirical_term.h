@@ -27,18 +27,33 @@ std::vector<double> held_numbers(const Effect& term, const Model& model,
 Hypothesis with_empirical(const Hypothesis& hypothesis, const Effect& term, const std::vector<double>& fixed,
                           double width);
 
+// Twice the logarithm of a fit's likelihood ratio over the one without the term.
+using LogLikelihoodRatio = std::function<double(const Fit&)>;
+
+// What a term promises beside a fit, were the residual linear in its weights and in all numbers of that fit.
+struct LinearizedTerm {
+  const Effect* term = nullptr;
+  std::vector<double> fixed;  // amplitude, scale and, if there is one, time constant
+  double width = 1;           // standard deviation of the weights' prior
+  double evidence = -std::numeric_limits<double>::infinity();  // 2 ln of the marginal likelihood ratio
+  Eigen::MatrixXd slopes;  // of the weights at zero, by the weights themselves: `width` is not in them
+};
+
+// With the first numbers held at `held`. The time constant, if there is one, is chosen by a grid, the width
+// by the fixed point of the marginal likelihood (D. J. C. MacKay, Neural Comput. 4 (1992) 415), which costs
+// slopes once a time constant.
+LinearizedTerm linearize_term(const Effect& term, const WhitenedRecordings& residuals, const Fit& without,
+                              std::vector<double> held, const LogLikelihoodRatio& log_likelihood_ratio);
+
 struct TriedTerm {
   const Effect* term = nullptr;
   Fit fit;
   double evidence = -std::numeric_limits<double>::infinity();  // 2 ln of the marginal likelihood ratio
 };
 
-// The term beside a fit, its first numbers held at `fixed`. The time constant, if it has one, is chosen by a
-// grid, the width of the weights by the fixed point of the marginal likelihood (D. J. C. MacKay, Neural
-// Comput. 4 (1992) 415). `log_likelihood_ratio` is twice that of a fit over the one without the term.
-TriedTerm fit_empirical(const WhitenedRecordings& residuals, const Fit& without, const Effect& term,
-                        std::vector<double> fixed,
-                        const std::function<double(const Fit&)>& log_likelihood_ratio,
+// The fit with the term, from weights of zero; the width follows what the fit finds.
+TriedTerm fit_empirical(const WhitenedRecordings& residuals, const Fit& without,
+                        const LinearizedTerm& at_zero, const LogLikelihoodRatio& log_likelihood_ratio,
                         const SolverOptions& solver);
 
 // Takes gains and offsets out of what may move. They are no part of a model that is handed on, and beside a

@@ -87,7 +87,7 @@ class Improver {
     auto remaining = task_.candidates;
     remaining.insert(remaining.end(), task_.corrections.begin(), task_.corrections.end());
     demanded_ = least_share_of_effect;
-    if (!incumbent_.by_noise()) search_again(remaining);
+    search_again(remaining);
     while (!out_.named && out_.added.size() < most_effects && incumbent_.is_material() &&
            add_effect(remaining)) {
     }
@@ -216,26 +216,36 @@ class Improver {
     return false;
   }
 
-  // The term at the port where the model becomes likeliest, if it holds on the locked recordings.
+  // The term at the port where the model becomes likeliest, if it holds on the locked recordings. Only terms
+  // that promise more than the best of those that are fitted are fitted as well.
   bool add_empirical(std::vector<const Effect*>& ports) {
-    std::vector<TriedTerm> tried;
+    std::vector<LinearizedTerm> linearized;
     for (const auto* term : ports) {
       ++tables_tried_;
+      tick("looking at " + std::string(term->id));
       const auto held = held_numbers(*term, incumbent_.fit().hypothesis.model, *task_.bench, task_.train,
                                      incumbent_.noise());
       if (held.front() > 0)
-        tried.push_back(fit_empirical(
-            incumbent_.residuals(), incumbent_.fit(), *term, held,
-            [this](const Fit& with) { return incumbent_.log_likelihood_ratio(with); },
-            incumbent_.solver(6, "fitting " + std::string(term->id))));
+        linearized.push_back(
+            linearize_term(*term, incumbent_.residuals(), incumbent_.fit(), held, likelihood_));
     }
-    std::ranges::stable_sort(tried, std::greater<>(), &TriedTerm::evidence);
-    for (auto& t : tried) {
-      if (t.evidence < least_gain) return false;
-      std::erase(ports, t.term);
-      if (accept({std::move(t.fit.hypothesis), std::move(t.fit.z)}, t.term)) return true;
+    std::ranges::stable_sort(linearized, {}, &LinearizedTerm::evidence);
+    std::vector<TriedTerm> tried;
+    while (true) {
+      const auto best = std::ranges::max_element(tried, {}, &TriedTerm::evidence);
+      const double found = best == tried.end() ? least_gain : std::max(least_gain, best->evidence);
+      if (!linearized.empty() && linearized.back().evidence > found) {
+        const auto next = std::move(linearized.back());
+        linearized.pop_back();
+        tried.push_back(fit_empirical(incumbent_.residuals(), incumbent_.fit(), next, likelihood_,
+                                      incumbent_.solver(6, "fitting " + std::string(next.term->id))));
+        continue;
+      }
+      if (best == tried.end() || best->evidence < least_gain) return false;
+      std::erase(ports, best->term);
+      if (accept({std::move(best->fit.hypothesis), std::move(best->fit.z)}, best->term)) return true;
+      tried.erase(best);
     }
-    return false;
   }
 
   // Whether it takes away what is demanded on both sides; then it is taken.
@@ -243,7 +253,7 @@ class Improver {
     auto trial = incumbent_.weigh(next);
     const auto is_enough = [&] { return trial && trial->least() >= demanded_; };
     // A table remembers turning points, so that a past shows which the model before it did not feel.
-    if (!is_enough() && effect->table && !incumbent_.by_noise()) {
+    if (!is_enough() && effect->table) {
       const auto before = incumbent_.pasts();
       if (incumbent_.choose_pasts(next)) trial = incumbent_.weigh(next);
       if (!is_enough() && task_.set_pasts) task_.set_pasts(before);
@@ -259,6 +269,9 @@ class Improver {
 
   const ImprovementTask& task_;
   Incumbent incumbent_;
+  const LogLikelihoodRatio likelihood_ = [this](const Fit& with) {
+    return incumbent_.log_likelihood_ratio(with);
+  };
   double searched_ = 0;  // share of the time that the search took
   int tables_tried_ = 0;
   double demanded_ = 1;  // share that a term has to take away, on both sides

@@ -20,7 +20,7 @@
 // switching between both 180-degree wells, barriers that differ by polarity), then data-driven terms
 // (model/effects/empirical.h) at the port where they gain most; the weights of these have a normal prior,
 // whose width, and the time constant of their memory, are those of the largest marginal likelihood (Laplace's
-// approximation).
+// approximation, around the model as it stands).
 #pragma once
 
 #include <optional>
@@ -47,8 +47,7 @@ struct ImprovementTask {
   // Residuals of `train` by noise alone, where that is the measure still. Null where the model is wrong by
   // much, or has named effects that leave more than `floor`: it is fitted beside its own error then, and
   // gains and offsets are taken for what the instruments state while terms are looked for. Nobody could tell
-  // that they are off, and the model is handed on without them. Where nothing is named yet, the whole range
-  // of its parameters is searched as well.
+  // that they are off, and the model is handed on without them.
   const WhitenedRecordings* by_noise = nullptr;
   // The pasts that are likeliest under a recalibrated model, in the bench's order, and what puts pasts into
   // the bench. Null: none is to be chosen.

@@ -1,7 +1,6 @@
 #include "model/inference/study/incumbent.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "model/inference/selection/verdict.h"
@@ -167,22 +166,12 @@ std::vector<protocols::Past> Incumbent::pasts() const {
 
 // A model that is wrong by much misses its channels alike, over their ranges, and so the misses are counted.
 // An error of each channel's own would let a past be taken that meets one channel far better than the model
-// can, at the other's cost. By noise alone a past is changed only where that is likelier.
+// can, at the other's cost.
 bool Incumbent::choose_pasts(const HypothesisPoint& at) const {
   if (!task_.choose_pasts) return false;
   tick_("choosing the specimen's past");
   const auto stood = pasts();
-  auto chosen = task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
-  if (by_noise()) {
-    std::vector<std::size_t> all(stood.size());
-    std::iota(all.begin(), all.end(), std::size_t{0});
-    const auto before = miss(at, all);
-    task_.set_pasts(chosen);
-    const auto after = miss(at, all);
-    for (const std::size_t r : all)
-      if (!(log_likelihood_ratio_beside_error(noise_, {before[r]}, {after[r]}, {r}) > 0))
-        chosen[r] = stood[r];
-  }
+  const auto chosen = task_.choose_pasts(setting_at(at.hypothesis, at.z).model);
   task_.set_pasts(chosen);
   return chosen != stood;
 }
