@@ -77,7 +77,8 @@ class Improver {
   void name() {
     auto remaining = task_.candidates;
     demanded_ = task_.selection.material_share;
-    while (out_.added.size() < most_named && incumbent_.is_material() && add_effect(remaining)) {
+    while (demanded_ == task_.selection.material_share && out_.added.size() < most_named &&
+           incumbent_.is_material() && name_effect(remaining)) {
     }
   }
 
@@ -182,38 +183,74 @@ class Improver {
                             : share_of_effects * static_cast<double>(out_.added.size()) / (most_effects + 1);
     task_.tick(stage, searched_ + (1 - searched_) * done);
   }
-  // The effect that makes the model likeliest, if any does and holds on the locked recordings.
-  bool add_effect(std::vector<const Effect*>& remaining) {
+  // The effects that promise most, each fitted beside the incumbent.
+  std::vector<TriedEffect> fitted_effects(const std::vector<const Effect*>& remaining) const {
     const auto& [hypothesis, z] = incumbent_.at();
     const auto screened = screen(incumbent_.residuals(), incumbent_.fit(),
                                  {.effects = remaining, .rounds = 4, .tick = [this](double) {
                                     tick("trying every effect on what is left");
                                   }});
-    std::vector<TriedEffect> tried;
+    std::vector<TriedEffect> out;
     for (const auto& s : screened) {
-      if (tried.size() == refits || s.values.empty() || s.drop < least_gain) break;
+      if (out.size() == refits || s.values.empty() || s.drop < least_gain) break;
       const auto with = with_effect(hypothesis, *s.effect, s.values);
       auto from = prior_mean(with);
       from.head(z.size()) = z;
       auto f = minimize(incumbent_.residuals(), with, from,
                         incumbent_.solver(8, "refitting " + std::string(s.effect->id)), &incumbent_.fit());
-      const double gained =
-          incumbent_.log_likelihood_ratio(f) - bic_penalty({s.effect}, incumbent_.residuals().samples());
-      tried.push_back({s.effect, gained, {std::move(f.hypothesis), std::move(f.z)}});
+      const double gained = incumbent_.log_likelihood_ratio(f) - penalty(*s.effect);
+      if (gained >= least_gain) out.push_back({s.effect, gained, {std::move(f.hypothesis), std::move(f.z)}});
     }
-    auto rivals = probabilities(tried);
-    while (!tried.empty()) {
-      const auto best = std::ranges::max_element(tried, {}, &TriedEffect::gained);
-      if (best->gained < least_gain) return false;
-      std::erase(remaining, best->effect);
-      if (accept(std::move(best->place), best->effect)) {
-        out_.rivals = std::move(rivals);
-        return true;
-      }
-      if (demanded_ == task_.selection.material_share) return false;
-      tried.erase(best);
+    std::ranges::stable_sort(out, std::greater<>(), &TriedEffect::gained);
+    return out;
+  }
+
+  // The effect that makes the model likeliest, if it takes what is demanded. If it does not, those that take
+  // half of that are fitted to their end first: beside an error as large as what it explains an effect does
+  // not get there, and one that meets a channel of little error somewhat better is likelier. One with which
+  // the model is no longer wrong by much is taken for less, as noise judges it then.
+  bool name_effect(std::vector<const Effect*>& remaining) {
+    auto tried = fitted_effects(remaining);
+    if (tried.empty()) return false;
+    const auto take = [&](const TriedEffect& t) {
+      auto rivals = probabilities(tried);
+      if (!accept(t.place, t.effect)) return false;
+      std::erase(remaining, t.effect);
+      out_.rivals = std::move(rivals);
+      return true;
+    };
+    if (take(tried.front())) return true;
+    const TriedEffect* best = nullptr;
+    double most = 0;
+    for (auto& t : tried) {
+      const auto first = incumbent_.weigh(t.place);
+      if (!first || first->least() < 0.5 * demanded_) continue;
+      t.place = incumbent_.fitted_beside_its_own_error(t.place);
+      const auto trial = incumbent_.weigh(t.place);
+      if (!trial) continue;
+      t.gained = incumbent_.log_likelihood_ratio(*trial) - penalty(*t.effect);
+      if (trial->least() <= most) continue;
+      most = trial->least();
+      best = &t;
+    }
+    if (best == nullptr) return false;
+    if (incumbent_.is_gross(incumbent_.at()) && !incumbent_.is_gross(best->place))
+      demanded_ = least_share_of_effect;
+    return take(*best);
+  }
+
+  // The effect that makes the model likeliest of those that take what is demanded.
+  bool add_effect(std::vector<const Effect*>& remaining) {
+    auto tried = fitted_effects(remaining);
+    for (auto& t : tried) {
+      std::erase(remaining, t.effect);
+      if (accept(std::move(t.place), t.effect)) return true;
     }
     return false;
+  }
+
+  double penalty(const Effect& effect) const {
+    return bic_penalty({&effect}, incumbent_.residuals().samples());
   }
 
   // The term at the port where the model becomes likeliest, if it holds on the locked recordings. Only terms

@@ -51,6 +51,11 @@ class Incumbent {
   // made, may have.
   std::optional<Comparison> weigh(const HypothesisPoint& next) const;
 
+  // Where a trial ends beside the error that is left by itself, and not beside the incumbent's.
+  HypothesisPoint fitted_beside_its_own_error(HypothesisPoint trial) const;
+  // Whether a model is wrong by much there.
+  bool is_gross(const HypothesisPoint& at) const;
+
   // Makes error and fit agree with each other; both move little after two rounds.
   void settle(int rounds = 2);
   void settle_at(HypothesisPoint next);
@@ -66,6 +71,8 @@ class Incumbent {
 
  private:
   Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
+  void estimate_errors(Signals learned, const Signals& locked,
+                       std::vector<std::vector<NoiseModel>>& errors) const;
   void stand(HypothesisPoint at, Signals learned, Signals locked);
   Fit refitted() const;
   bool refit();
