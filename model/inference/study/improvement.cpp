@@ -59,8 +59,10 @@ class Improver {
     out_.base = incumbent_.fit();
     out_.added = task_.named;
     if (out_.added.empty() && !incumbent_.by_noise()) name();
-    out_.named = !out_.added.empty();
-    if (!out_.named)
+    out_.named = !out_.added.empty() && std::ranges::all_of(out_.added, [this](const AddedTerm& a) {
+      return takes_material_share(a);
+    });
+    if (out_.added.empty())
       narrow();
     else if (incumbent_.is_material())
       incumbent_.settle_with_trusted_instruments();
@@ -74,6 +76,10 @@ class Improver {
   }
 
  private:
+  bool takes_material_share(const AddedTerm& a) const {
+    return std::min(a.share.value_or(1), a.share_held_out.value_or(1)) >= task_.selection.material_share;
+  }
+
   void name() {
     auto remaining = task_.candidates;
     demanded_ = task_.selection.material_share;
@@ -130,8 +136,7 @@ class Improver {
     std::erase(remaining, best->effect);
     out_.searched = true;
     const auto& added = out_.added.back();
-    out_.named = !added.empirical &&
-                 std::min(*added.share, added.share_held_out.value_or(1)) >= task_.selection.material_share;
+    out_.named = !added.empirical && takes_material_share(added);
     if (out_.named) out_.rivals = std::move(rivals);
   }
 
@@ -207,8 +212,9 @@ class Improver {
 
   // The effect that makes the model likeliest, if it takes what is demanded. If it does not, those that take
   // half of that are fitted to their end first: beside an error as large as what it explains an effect does
-  // not get there, and one that meets a channel of little error somewhat better is likelier. One with which
-  // the model is no longer wrong by much is taken for less, as noise judges it then.
+  // not get there, and one that meets a channel of little error somewhat better is likelier. A first
+  // one with which the model is no longer wrong by much is taken for less, though not named: noise judges it
+  // then.
   bool name_effect(std::vector<const Effect*>& remaining) {
     auto tried = fitted_effects(remaining);
     if (tried.empty()) return false;
@@ -234,8 +240,7 @@ class Improver {
       best = &t;
     }
     if (best == nullptr) return false;
-    if (incumbent_.is_gross(incumbent_.at()) && !incumbent_.is_gross(best->place))
-      demanded_ = least_share_of_effect;
+    if (out_.added.empty() && !incumbent_.is_gross(best->place)) demanded_ = least_share_of_effect;
     return take(*best);
   }
 
