@@ -43,6 +43,15 @@ Eigen::VectorXd curvature(const WhitenedResiduals& residuals, const Fit& fit, co
   return out;
 }
 
+// Of the sum of squares by a full Gauss-Newton step, were the residual linear.
+double decrease_by(const Eigen::MatrixXd& normal, const Eigen::VectorXd& gradient) {
+  return gradient.dot(normal.ldlt().solve(gradient));
+}
+
+bool may_reach(double squares, double wanted, double decrease) {
+  return squares - decrease <= wanted;
+}
+
 struct Step {
   Eigen::VectorXd change;  // of z
   double promised = 0;     // gain of the sum of squares
@@ -109,12 +118,11 @@ Eigen::VectorXd Fit::gradient() const {
 }
 
 double Fit::predicted_decrease() const {
-  const Eigen::VectorXd pull = gradient();
-  return pull.dot(normal().ldlt().solve(pull));
+  return decrease_by(normal(), gradient());
 }
 
 bool Fit::may_reach(double wanted, double trusted_decrease) const {
-  return squares - trusted_decrease * predicted_decrease() <= wanted;
+  return inference::may_reach(squares, wanted, trusted_decrease * predicted_decrease());
 }
 
 Eigen::VectorXd Fit::corrected(Eigen::VectorXd simulated) const {
@@ -160,8 +168,9 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
     const Eigen::MatrixXd normal = out.normal();
     const Eigen::VectorXd gradient = out.gradient();
     if (out.fresh) {
-      const double decrease = gradient.dot(normal.ldlt().solve(gradient));
-      if (decrease < enough || out.squares - options.trusted_decrease * decrease > options.wanted) break;
+      const double decrease = decrease_by(normal, gradient);
+      if (decrease < enough || !may_reach(out.squares, options.wanted, options.trusted_decrease * decrease))
+        break;
     }
     if (options.tick) options.tick();
     const auto next = next_step(residuals, out, normal, gradient, damping);

@@ -110,7 +110,7 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
 }
 
 // A model that is wrong by much may have misled the choice of pasts, and be far from its best parameters.
-void search_far(Session& s, ImprovementTask& task) {
+void allow_far_search(Session& s, ImprovementTask& task) {
   task.presumed_past = s.presumed_past;
   task.search_bases = [&s, fine = task.simulation](const Model& base, const auto& errors, const auto& ticks) {
     return search_bases(base, s.candidates, recordings_of_search(s.data, s.bench, errors, s.train),
@@ -223,7 +223,7 @@ class Inquiry {
     given.hypothesis = base_;
     given.z = prior_mean(base_);
     auto task = improvement_task(s_, fine_.simulation(), share_of_recalibration);
-    search_far(s_, task);
+    allow_far_search(s_, task);
     improved_ = improve(given, task, s_.out.health.warnings);
     if (!improved_ || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
     // A large effect, or a valley that noise alone did not lead out of: then noise is the measure after all.

@@ -80,11 +80,11 @@ double change_of_width(const Eigen::VectorXd& weights, const Eigen::MatrixXd& no
 }
 
 // A fit with a term whose weights are zero, so that it does nothing yet; `slopes` are those of its weights.
-Fit with_zero_weights(const Fit& without, Hypothesis with, double width, const Eigen::MatrixXd& slopes) {
+Fit with_zero_weights(const Fit& without, const Effect& term, const std::vector<double>& fixed, double width,
+                      const Eigen::MatrixXd& slopes) {
   Fit out = without;
-  out.hypothesis = std::move(with);
-  out.z = prior_mean(out.hypothesis);
-  out.z.head(without.z.size()) = without.z;
+  out.hypothesis = with_empirical(without.hypothesis, term, fixed, width);
+  out.z = carried_over(out.hypothesis, without.hypothesis, without.z);
   out.jacobian.conservativeResize(Eigen::NoChange, out.z.size());
   out.jacobian.rightCols(slopes.cols()) = width * slopes;
   return out;
@@ -149,8 +149,7 @@ LinearizedTerm linearize_term(const Effect& term, const WhitenedRecordings& resi
   for (std::size_t k = 0; k < std::max<std::size_t>(1, time_constants.size()); ++k) {
     if (!time_constants.empty()) held.back() = time_constants[k];
     const auto by_weights = with_empirical(without.hypothesis, term, held, 1);
-    Eigen::VectorXd zero = prior_mean(by_weights);
-    zero.head(without.z.size()) = without.z;
+    const auto zero = carried_over(by_weights, without.hypothesis, without.z);
     // Of the weights only those of the lags, the last ones, see the time constant.
     const auto first = slopes.size() == 0 ? without.z.size() : zero.size() - lags;
     const auto made = residuals.slopes(by_weights, zero, first);
@@ -159,8 +158,7 @@ LinearizedTerm linearize_term(const Effect& term, const WhitenedRecordings& resi
     slopes.rightCols(made->cols()) = *made;
     double width = 1;
     for (int i = 0; i < rounds_linearized; ++i) {
-      auto fit =
-          with_zero_weights(without, with_empirical(without.hypothesis, term, held, width), width, slopes);
+      auto fit = with_zero_weights(without, term, held, width, slopes);
       const Eigen::MatrixXd normal = fit.normal();
       const Eigen::VectorXd step = -normal.ldlt().solve(fit.gradient());
       fit.z += step;
@@ -185,9 +183,7 @@ TriedTerm fit_empirical(const WhitenedRecordings& residuals, const Fit& without,
   TriedTerm best{.term = at_zero.term, .fit = {}};
   const double determinant_without = log_determinant(without.normal());
   double width = at_zero.width;
-  auto from =
-      with_zero_weights(without, with_empirical(without.hypothesis, *at_zero.term, at_zero.fixed, width),
-                        width, at_zero.slopes);
+  auto from = with_zero_weights(without, *at_zero.term, at_zero.fixed, width, at_zero.slopes);
   for (int i = 0; i < rounds_of_width; ++i) {
     auto f = minimize(residuals, from.hypothesis, from.z, solver, &from);
     if (!f.fresh) refresh_jacobian(residuals, f);

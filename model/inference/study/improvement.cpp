@@ -18,6 +18,9 @@ constexpr double least_gain = 10;
 // Shares of the excess that a term has to take away where nothing is named. A mechanism that does less is no
 // better than a table, and moves parameters that it has nothing to do with; a table has to hold.
 constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
+// Of what a named effect has to take, beside an error as large as what it explains: it may come to the rest
+// once that error is its own.
+constexpr double least_part_at_first = 0.5;
 constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
 // Of the time, where a search of the base's whole range is made, and of the rest for effects: about so much.
 constexpr double share_of_search = 0.7, share_of_effects = 0.3;
@@ -59,9 +62,7 @@ class Improver {
     out_.base = incumbent_.fit();
     out_.added = task_.named;
     if (out_.added.empty() && !incumbent_.by_noise()) name();
-    out_.named = !out_.added.empty() && std::ranges::all_of(out_.added, [this](const AddedTerm& a) {
-      return takes_material_share(a);
-    });
+    out_.named = !out_.added.empty() && all_take_material_shares();
     if (out_.added.empty())
       narrow();
     else if (incumbent_.is_material())
@@ -79,12 +80,15 @@ class Improver {
   bool takes_material_share(const AddedTerm& a) const {
     return std::min(a.share.value_or(1), a.share_held_out.value_or(1)) >= task_.selection.material_share;
   }
+  bool all_take_material_shares() const {
+    return std::ranges::all_of(out_.added, [this](const AddedTerm& a) { return takes_material_share(a); });
+  }
 
   void name() {
     auto remaining = task_.candidates;
     demanded_ = task_.selection.material_share;
-    while (demanded_ == task_.selection.material_share && out_.added.size() < most_named &&
-           incumbent_.is_material() && name_effect(remaining)) {
+    while (all_take_material_shares() && out_.added.size() < most_named && incumbent_.is_material() &&
+           name_effect(remaining)) {
     }
   }
 
@@ -199,9 +203,7 @@ class Improver {
     for (const auto& s : screened) {
       if (out.size() == refits || s.values.empty() || s.drop < least_gain) break;
       const auto with = with_effect(hypothesis, *s.effect, s.values);
-      auto from = prior_mean(with);
-      from.head(z.size()) = z;
-      auto f = minimize(incumbent_.residuals(), with, from,
+      auto f = minimize(incumbent_.residuals(), with, carried_over(with, hypothesis, z),
                         incumbent_.solver(8, "refitting " + std::string(s.effect->id)), &incumbent_.fit());
       const double gained = incumbent_.log_likelihood_ratio(f) - penalty(*s.effect);
       if (gained >= least_gain) out.push_back({s.effect, gained, {std::move(f.hypothesis), std::move(f.z)}});
@@ -217,31 +219,30 @@ class Improver {
   // then.
   bool name_effect(std::vector<const Effect*>& remaining) {
     auto tried = fitted_effects(remaining);
-    if (tried.empty()) return false;
-    const auto take = [&](const TriedEffect& t) {
-      auto rivals = probabilities(tried);
-      if (!accept(t.place, t.effect)) return false;
+    const auto name = [&](const TriedEffect& t, Comparison trial) {
+      out_.rivals = probabilities(tried);
       std::erase(remaining, t.effect);
-      out_.rivals = std::move(rivals);
+      take(t.place, *t.effect, std::move(trial));
       return true;
     };
-    if (take(tried.front())) return true;
     const TriedEffect* best = nullptr;
-    double most = 0;
+    Comparison most;
     for (auto& t : tried) {
-      const auto first = incumbent_.weigh(t.place);
-      if (!first || first->least() < 0.5 * demanded_) continue;
+      auto trial = incumbent_.weigh(t.place);
+      if (&t == &tried.front() && is_enough(trial)) return name(t, *std::move(trial));
+      if (!trial || trial->least() < least_part_at_first * demanded_) continue;
       t.place = incumbent_.fitted_beside_its_own_error(t.place);
-      const auto trial = incumbent_.weigh(t.place);
+      trial = incumbent_.weigh(t.place);
       if (!trial) continue;
       t.gained = incumbent_.log_likelihood_ratio(*trial) - penalty(*t.effect);
-      if (trial->least() <= most) continue;
-      most = trial->least();
+      if (trial->least() <= most.least()) continue;
+      most = *std::move(trial);
       best = &t;
     }
     if (best == nullptr) return false;
-    if (out_.added.empty() && !incumbent_.is_gross(best->place)) demanded_ = least_share_of_effect;
-    return take(*best);
+    const bool for_noise_to_judge =
+        out_.added.empty() && most.least() >= least_share_of_effect && !incumbent_.is_gross(best->place);
+    return (most.least() >= demanded_ || for_noise_to_judge) && name(*best, std::move(most));
   }
 
   // The effect that makes the model likeliest of those that take what is demanded.
@@ -290,23 +291,30 @@ class Improver {
     }
   }
 
+  bool is_enough(const std::optional<Comparison>& trial) const {
+    return trial && trial->least() >= demanded_;
+  }
+
   // Whether it takes away what is demanded on both sides; then it is taken.
   bool accept(HypothesisPoint next, const Effect* effect) {
     auto trial = incumbent_.weigh(next);
-    const auto is_enough = [&] { return trial && trial->least() >= demanded_; };
     // A table remembers turning points, so that a past shows which the model before it did not feel.
-    if (!is_enough() && effect->table) {
+    if (!is_enough(trial) && effect->table) {
       const auto before = incumbent_.pasts();
       if (incumbent_.choose_pasts(next)) trial = incumbent_.weigh(next);
-      if (!is_enough() && task_.set_pasts) task_.set_pasts(before);
+      if (!is_enough(trial) && task_.set_pasts) task_.set_pasts(before);
     }
-    if (!is_enough()) return false;
-    out_.added.push_back({.term = {.id = std::string(effect->id), .parameters = {}},
-                          .empirical = effect->empirical,
-                          .share = std::max(0.0, trial->share)});
-    if (!task_.held_out.empty()) out_.added.back().share_held_out = std::max(0.0, trial->share_held_out);
-    incumbent_.accept(std::move(next), *std::move(trial));
+    if (!is_enough(trial)) return false;
+    take(std::move(next), *effect, *std::move(trial));
     return true;
+  }
+
+  void take(HypothesisPoint next, const Effect& effect, Comparison trial) {
+    out_.added.push_back({.term = {.id = std::string(effect.id), .parameters = {}},
+                          .empirical = effect.empirical,
+                          .share = std::max(0.0, trial.share)});
+    if (!task_.held_out.empty()) out_.added.back().share_held_out = std::max(0.0, trial.share_held_out);
+    incumbent_.accept(std::move(next), std::move(trial));
   }
 
   const ImprovementTask& task_;

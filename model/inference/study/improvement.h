@@ -1,8 +1,9 @@
 // A model that is wrong by more than noise. One or two effects are named if each takes a material share of
 // what stands before it, on recordings that were learned from and on those that were locked away. Where there
-// is none the gap is narrowed all the same: the base model gets terms, each of which must make it likelier
-// and must hold on the locked recordings, however little is known of why. What named effects leave is
-// narrowed by data-driven terms alone.
+// is none, the first beside which the model is no longer wrong by much is added without being named, and is
+// left for noise to judge; where there is none of these either, the gap is narrowed all the same: the base
+// model gets terms, each of which must make it likelier and must hold on the locked recordings, however
+// little is known of why. What named effects leave is narrowed by data-driven terms alone.
 //
 // A model that is wrong by much stays so, and its own error is part of the likelihood (observation/noise.h),
 // estimated again after every term. One that is wrong by little is fitted by noise alone: beside an error
