@@ -202,6 +202,9 @@ TEST(LinearCapacitor, HasNothingOfSwitchingToFit) {
   EXPECT_THAT(free, testing::UnorderedElementsAre("material.permittivity_180", "material.compliance_180",
                                                   "material.piezoelectric_180"));
   EXPECT_FALSE(is_held(library_model("soft-pzt"), "material.barrier"));
+  auto at_the_end = library_model("soft-pzt");
+  at_the_end.material.barrier = 1.2 * free_parameter(at_the_end, "material.barrier").high;
+  EXPECT_FALSE(is_held(at_the_end, "material.barrier"));
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ double unit_slope(const FreeParameter& p, double u);
 
 // Whether nothing is estimated of a number: of the temperature, which only counts by its ratio to the
 // activation volume; of an empirical table, which was fitted as a whole; and, where no domain
-// switches, as the barrier is above all that a fit may give one, of what only switching shows.
+// switches, as no field reaches the barrier, of what only switching shows.
 bool is_held(const Model& model, std::string_view path);
 
 // Parameters that a fit frees if nothing is said: material and polycrystal without what no recording can tell
