@@ -58,7 +58,7 @@ ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model&
     parts_.push_back(std::move(part));
   }
   if (state.ensemble != nullptr) {
-    domains_.emplace(state.lattice, parameters_);
+    domains_.emplace(state.domains(), parameters_);
     state.ensemble->record();
   }
   causes_.assign(parameters_ + load_directions.size(), {});
@@ -189,6 +189,8 @@ Causes ForwardSensitivities::causes_of(const Part& part, std::size_t direction) 
   moved(Cause::internal_field, p.bias_field);
   moved(Cause::internal_field_std, p.interaction_field_std);
   moved(Cause::internal_stress_std, p.interaction_stress_std);
+  moved(Cause::skewness, part.around.ports.spread_skewness);
+  moved(Cause::inverse_freedom, part.around.ports.spread_inverse_freedom);
   return out;
 }
 

@@ -63,6 +63,8 @@ struct Simulator::State : Surroundings<double> {
 
   // Time 0 or, for a past that is still to be played, before it.
   void start(double field, const Fractions& fractions = {}, double time = 0);
+  // On the lattice, with what they depend on.
+  Domains domains() const;
   // What was played so far is the past: time 0 is now.
   void begin_recording();
   void play(double duration, double field, std::span<const double> times, const ChannelSpans& out);

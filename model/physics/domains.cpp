@@ -66,6 +66,32 @@ double ball_volume(int dimensions, double radius) {
   return 4.0 / 3.0 * pi * radius * radius * radius;
 }
 
+// Barriers e^50 times the middle one are never crossed and those of e^-50 times it are none; nothing
+// overflows on the way.
+constexpr double farthest_barrier = 50;
+
+struct WithSlope {
+  double value = 0, slope = 0;
+};
+// (exp(g z) - 1) / g, and its slope by g.
+WithSlope skewed_score(double z, double g) {
+  const double gz = g * z;
+  // The closed slope is a difference of numbers near each other; the series is 1e-12 off there.
+  if (std::abs(gz) < 1e-4) return {z * (1 + gz / 2 + gz * gz / 6), z * z * (0.5 + gz / 3 + gz * gz / 8)};
+  return {std::expm1(gz) / g, (gz * std::exp(gz) - std::expm1(gz)) / (g * g)};
+}
+// Student's t over the normal score, and its slope by the inverse degrees of freedom f.
+WithSlope tail_factor(double z, double f) {
+  const double c = (8 + 3 * f) / (8 + f), c_slope = 16 / ((8 + f) * (8 + f));
+  // Beyond this a domain's field or barrier is out of reach, and nothing may overflow.
+  const double u = std::min(c * c * f * z * z, 100.0), u_slope = c * z * z * (c + 2 * c_slope * f);
+  // (exp(u) - 1) / u and its slope by u
+  const double growth = u < 1e-4 ? 1 + u / 2 + u * u / 6 : std::expm1(u) / u;
+  const double growth_slope = u < 1e-4 ? 0.5 + u / 3 + u * u / 8 : (std::exp(u) - growth) / u;
+  const double value = c * std::sqrt(growth);
+  return {value, c_slope * std::sqrt(growth) + 0.5 * c * growth_slope * u_slope / std::sqrt(growth)};
+}
+
 }  // namespace
 
 int spread_dimensions(const Polycrystal& p) {
@@ -159,12 +185,24 @@ Lattice make_lattice(const Material& material, const Polycrystal& p, int count, 
   return out;
 }
 
-Domains domains_on(const Lattice& lattice, const Material& material, const Polycrystal& p) {
+Domains domains_on(const Lattice& lattice, const Material& material, const Polycrystal& p,
+                   const SpreadShape& shape) {
   Domains out;
+  const std::array std{p.barrier_log_std, p.interaction_field_std, p.interaction_stress_std};
   for (const auto& node : lattice.nodes) {
-    out.barrier.push_back(material.barrier * std::exp(p.barrier_log_std * node.z1));
-    out.field.push_back(p.bias_field + p.interaction_field_std * node.z2);
-    out.stress.push_back(p.interaction_stress_std * node.z3);
+    const std::array z{node.z1, node.z2, node.z3};
+    for (std::size_t i = 0; i < z.size(); ++i) {
+      const auto tail = tail_factor(z[i], shape.inverse_freedom);
+      const auto score = i == 0 ? skewed_score(z[i], shape.skewness) : WithSlope{z[i], 0};
+      out.quantile[i].push_back(tail.value * score.value);
+      out.by_inverse_freedom[i].push_back(std[i] * tail.slope * score.value);
+      if (i == 0) out.by_skewness.push_back(std[i] * tail.value * score.slope);
+    }
+    const double log_ratio = p.barrier_log_std * out.quantile[0].back();
+    out.barrier.push_back(material.barrier *
+                          std::exp(std::clamp(log_ratio, -farthest_barrier, farthest_barrier)));
+    out.field.push_back(p.bias_field + p.interaction_field_std * out.quantile[1].back());
+    out.stress.push_back(p.interaction_stress_std * out.quantile[2].back());
     out.weight.push_back(node.weight);
   }
   return out;

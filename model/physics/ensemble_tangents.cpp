@@ -1,16 +1,35 @@
 #include "model/physics/ensemble_tangents.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace ferrobench::model {
+namespace {
 
-EnsembleTangents::EnsembleTangents(const Lattice& lattice, std::size_t parameters)
-    : parameters_(parameters), size_(lattice.nodes.size()), directions_(parameters + 3), lattice_(lattice) {
+// Of the columns that are needed here.
+template <class F>
+void for_each_column(Domains& domains, F&& f) {
+  f(domains.weight);
+  f(domains.by_skewness);
+  for (auto* columns : {&domains.quantile, &domains.by_inverse_freedom})
+    for (auto& column : *columns) f(column);
+}
+
+std::array<const double*, 3> data_of(const SpreadColumns& columns) {
+  return {columns[0].data(), columns[1].data(), columns[2].data()};
+}
+
+}  // namespace
+
+EnsembleTangents::EnsembleTangents(Domains domains, std::size_t parameters)
+    : parameters_(parameters),
+      size_(domains.size()),
+      directions_(parameters + 3),
+      given_(std::move(domains)) {
   const std::size_t padded = size_ + DomainColumns::padding;
   for (auto& d : directions_)
     for (auto* column : {&d.plus, &d.minus}) column->assign(padded, 0.0);
-  for (auto& column : z_) column.assign(padded, 0.0);
-  weight_.assign(padded, 0.0);
+  for_each_column(given_, [padded](auto& column) { column.resize(padded, 0.0); });
 }
 
 void EnsembleTangents::clear(Direction& d) {
@@ -22,20 +41,13 @@ void EnsembleTangents::clear(Direction& d) {
 
 void EnsembleTangents::start(const InactiveSetChange& change) {
   for (auto& d : directions_) clear(d);
-  for (std::size_t i = 0; i < size_; ++i) {
-    const auto& node = lattice_.nodes[i];
-    z_[0][i] = node.z1;
-    z_[1][i] = node.z2;
-    z_[2][i] = node.z3;
-    weight_[i] = node.weight;
-  }
+  rows_ = given_;
   awake_ = size_;
   put_to_sleep(change.slept);
 }
 
 void EnsembleTangents::swap_rows(std::size_t i, std::size_t j) {
-  for (auto& column : z_) std::swap(column[i], column[j]);
-  std::swap(weight_[i], weight_[j]);
+  for_each_column(rows_, [i, j](auto& column) { std::swap(column[i], column[j]); });
   for (std::size_t p = 0; p < parameters_; ++p) {
     auto& d = directions_[p];
     if (!d.moves) continue;
@@ -48,8 +60,8 @@ void EnsembleTangents::wake(const std::vector<std::size_t>& rows) {
   for (const std::size_t i : rows) {
     for (std::size_t p = 0; p < parameters_; ++p) {
       auto& d = directions_[p];
-      d.asleep_plus -= weight_[i] * d.plus[i];
-      d.asleep_minus -= weight_[i] * d.minus[i];
+      d.asleep_plus -= rows_.weight[i] * d.plus[i];
+      d.asleep_minus -= rows_.weight[i] * d.minus[i];
     }
     swap_rows(i, awake_++);
   }
@@ -59,8 +71,8 @@ void EnsembleTangents::put_to_sleep(const std::vector<std::size_t>& rows) {
   for (const std::size_t i : rows) {
     for (std::size_t p = 0; p < parameters_; ++p) {
       auto& d = directions_[p];
-      d.asleep_plus += weight_[i] * d.plus[i];
-      d.asleep_minus += weight_[i] * d.minus[i];
+      d.asleep_plus += rows_.weight[i] * d.plus[i];
+      d.asleep_minus += rows_.weight[i] * d.minus[i];
     }
     swap_rows(i, --awake_);
   }
@@ -82,7 +94,9 @@ void EnsembleTangents::step(const Ensemble::Proposal& proposal, const std::vecto
                          .polarization_before = proposal.polarization_then,
                          .before = proposal.before,
                          .after = proposal.after,
-                         .z = {z_[0].data(), z_[1].data(), z_[2].data()}};
+                         .quantile = data_of(rows_.quantile),
+                         .by_inverse_freedom = data_of(rows_.by_inverse_freedom),
+                         .by_skewness = rows_.by_skewness.data()};
   std::vector<MeanTangents> means;
   step_tangents(proposal.constants, proposal.domains, proposal.awake, step, moving, means);
   out.assign(directions_.size(), {});

@@ -13,7 +13,7 @@ namespace ferrobench::model {
 
 class EnsembleTangents {
  public:
-  EnsembleTangents(const Lattice& lattice, std::size_t parameters);
+  EnsembleTangents(Domains domains, std::size_t parameters);
 
   // Fractions that no parameter moves; `change` is what has fallen asleep there.
   void start(const InactiveSetChange& change);
@@ -37,9 +37,7 @@ class EnsembleTangents {
 
   std::size_t parameters_, size_;
   std::vector<Direction> directions_;
-  std::array<std::vector<double>, 3> z_;
-  std::vector<double> weight_;
-  Lattice lattice_;
+  Domains given_, rows_;  // in the order in which they were given, and as the rows are now
   std::size_t awake_ = 0;
 };
 

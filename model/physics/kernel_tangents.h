@@ -27,23 +27,25 @@ enum class Cause {
   bend,                 // Pa, of the stress at mid-step
   polarization_before,  // C/m^2, P_+ of the rates at the start
   polarization_after,
-  strain_90,           // 1
-  piezoelectric,       // m/V
-  half_permittivity,   // F/m
-  half_compliance,     // 1/Pa
-  log_energy,          // ln(V / kT)
-  log_span,            // ln(h / tau)
-  stabilization,       // 1/Pa
-  asymmetry,           // 1, barrier_asymmetry
-  log_direct_rate,     // ln(direct_rate)
-  direct_barrier,      // 1
-  log_barrier,         // ln(dg0)
-  barrier_log_std,     // 1, as log_barrier times z1
-  internal_field,      // V/m, at both ends
-  internal_field_std,  // times z2
-  internal_stress_std  // Pa, times z3, at both ends
+  strain_90,            // 1
+  piezoelectric,        // m/V
+  half_permittivity,    // F/m
+  half_compliance,      // 1/Pa
+  log_energy,           // ln(V / kT)
+  log_span,             // ln(h / tau)
+  stabilization,        // 1/Pa
+  asymmetry,            // 1, barrier_asymmetry
+  log_direct_rate,      // ln(direct_rate)
+  direct_barrier,       // 1
+  log_barrier,          // ln(dg0)
+  barrier_log_std,      // 1, as log_barrier times q1
+  internal_field,       // V/m, at both ends
+  internal_field_std,   // times q2
+  internal_stress_std,  // Pa, times q3, at both ends
+  skewness,             // 1, of the barriers' spread
+  inverse_freedom       // 1, of all spreads
 };
-inline constexpr std::size_t cause_count = 22;
+inline constexpr std::size_t cause_count = 24;
 using Causes = std::array<double, cause_count>;
 
 struct TangentStep {
@@ -51,8 +53,9 @@ struct TangentStep {
   LoadPath path;
   double polarization_before = 0;  // P_+ of the rates before
   RateColumns before, after;
-  // Of the lattice, one per row.
-  std::array<const double*, 3> z{};
+  // Of the spreads, one per row (domains.h).
+  std::array<const double*, 3> quantile{}, by_inverse_freedom{};
+  const double* by_skewness = nullptr;
 };
 
 // Tangents of the fractions in one direction; both columns padded as DomainColumns are.

@@ -113,10 +113,12 @@ struct PortsOf {
   std::vector<std::unique_ptr<DriveStage<T>>> drive;
   T source_resistance = 0;  // V s m/C: E = E_mon - this * Pdot
   // kinetics
-  T stress_stabilization = 0;                                   // 1/Pa
-  T barrier_asymmetry = 0;                                      // KineticConstants (physics/wells.h) has
-  T direct_rate = 0;                                            // these three; a rate of 0: no direct
-  T direct_barrier = 1;                                         // switching
+  T stress_stabilization = 0;  // 1/Pa
+  T barrier_asymmetry = 0;     // KineticConstants (physics/wells.h) has
+  T direct_rate = 0;           // these three; a rate of 0: no direct
+  T direct_barrier = 1;        // switching
+  T spread_skewness = 0;       // SpreadShape (physics/domains.h) has both
+  T spread_inverse_freedom = 0;
   T domain_wall_drag = 0;                                       // V s m/C: rates see E - this * Pdot_irr
   T fatigue = 0;                                                // m^2/C: P_+ / (1 + this * integral |dP_irr|)
   std::vector<std::unique_ptr<MaterialTerm<T>>> seen_by_rates;  // added to the E that rates see, V/m

@@ -204,11 +204,11 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
   if (is_wanted(Cause::bend)) put(Cause::bend, to_.strain_90 * (bend_force[0] + bend_force[1]), none);
   if (is_wanted(Cause::internal_field)) put(Cause::internal_field, field_0 + field_1, rate_field);
   if (is_wanted(Cause::internal_field_std)) {
-    const V z = load(step_.z[1] + i);
+    const V z = load(step_.quantile[1] + i);
     put(Cause::internal_field_std, z * (field_0 + field_1), z * rate_field);
   }
   if (is_wanted(Cause::internal_stress_std)) {
-    const V z = load(step_.z[2] + i);
+    const V z = load(step_.quantile[2] + i);
     put(Cause::internal_stress_std, z * (stress_0 + stress_1), z * rate_stress);
   }
 
@@ -294,7 +294,8 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
       put(Cause::direct_barrier, one / to_.direct_barrier * direct_by,
           one / to_.direct_barrier * direct_rate_by);
   }
-  if (is_wanted(Cause::log_barrier) || is_wanted(Cause::barrier_log_std)) {
+  if (is_wanted(Cause::log_barrier) || is_wanted(Cause::barrier_log_std) || is_wanted(Cause::skewness) ||
+      is_wanted(Cause::inverse_freedom)) {
     const auto by = [&](const End<n>& e, V back, const Pair& back_x, const Pair* x) HWY_ATTR {
       return scale * to_.towards_minus * e.slope[0].barrier * x[0] +
              scale * to_.towards_plus * e.slope[3].barrier * x[3] + back * back_x;
@@ -304,8 +305,18 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
     const Pair rate_x = by(end, end_back, rate_back, flow) + direct_rate_by;
     if (is_wanted(Cause::log_barrier)) put(Cause::log_barrier, x, rate_x);
     if (is_wanted(Cause::barrier_log_std)) {
-      const V z = load(step_.z[0] + i);
+      const V z = load(step_.quantile[0] + i);
       put(Cause::barrier_log_std, z * x, z * rate_x);
+    }
+    if (is_wanted(Cause::skewness)) {
+      const V moved = load(step_.by_skewness + i);
+      put(Cause::skewness, moved * x, moved * rate_x);
+    }
+    if (is_wanted(Cause::inverse_freedom)) {
+      const V moved = load(step_.by_inverse_freedom[0] + i), field = load(step_.by_inverse_freedom[1] + i),
+              stress = load(step_.by_inverse_freedom[2] + i);
+      put(Cause::inverse_freedom, moved * x + field * (field_0 + field_1) + stress * (stress_0 + stress_1),
+          moved * rate_x + field * rate_field + stress * rate_stress);
     }
   }
 }

@@ -32,7 +32,10 @@ class Reference {
     double total = 0;
     for (int i = 0; i < n; ++i) {
       const double z = -4.5 + 9.0 * (i + 0.5) / n, w = std::exp(-0.5 * z * z);
-      domains_.push_back({m_.material.barrier * std::exp(log_std * z), std * z, w});
+      const double skewness = of("empirical_skewness.skewness");
+      const double tail = has("empirical_tails.inverse_freedom") ? student_of_four(z) / z : 1;
+      const double skewed = skewness == 0 ? z : (std::exp(skewness * z) - 1) / skewness;
+      domains_.push_back({m_.material.barrier * std::exp(log_std * tail * skewed), std * tail * z, w});
       total += w;
     }
     for (auto& d : domains_) d.weight /= total;
@@ -62,6 +65,13 @@ class Reference {
     return found == p_.end() ? 0 : found->second;
   }
   bool has(const std::string& name) const { return p_.contains(name); }
+
+  // The quantile of Student's t with four degrees of freedom (Shaw 2006), at the normal score z.
+  static double student_of_four(double z) {
+    const double below = 0.5 * std::erfc(std::abs(z) / std::numbers::sqrt2);
+    const double a = std::sqrt(4 * below * (1 - below));
+    return std::copysign(2 * std::sqrt(std::cos(std::acos(a) / 3) / a - 1), z);
+  }
 
   double saturation() const {
     return m_.material.remanent_polarization / (1 + of("polarization_fatigue.coefficient") * switched_);

@@ -47,6 +47,8 @@ const std::vector<Case> cases{
     {"load_cell_lag", {{"time_constant", 5e-3}}},
     {"mains_pickup", {{"amplitude", 1e-6}, {"frequency", 50}}},
     {"empirical_asymmetry", {{"log_ratio", 0.1}}},
+    {"empirical_skewness", {{"skewness", -0.7}}},
+    {"empirical_tails", {{"inverse_freedom", 0.25}}},
     {"empirical_direct", {{"rate_ratio", 1}, {"barrier_ratio", 1.3}}},
     {"empirical_strain", empirical_values("empirical_strain", 5e-5, 0.05)},
     {"empirical_polarization", empirical_values("empirical_polarization", 2e-2, 0.05)},
@@ -63,8 +65,13 @@ TEST_P(AgainstTinySteps, SameLoopAndHold) {
   auto m = crystal();
   std::map<std::string, double> named;
   for (const auto& [name, value] : parameters) named[id + "." + name] = value;
+  const bool shape = id == "empirical_skewness" || id == "empirical_tails";
+  if (shape) {
+    m.effects.push_back({"barrier_distribution", {{"log_std", 0.3}}});
+    named["barrier_distribution.log_std"] = 0.3;
+  }
   if (!parameters.empty()) m.effects.push_back({id, parameters});
-  const bool spread = id.ends_with("_distribution");
+  const bool spread = shape || id.ends_with("_distribution");
   for (const Program& program :
        {loop(), Program{{{0, 0}, {0.03, -1.1e6}, {0.23, -1.1e6}, {0.26, 0}}, 1e-3}}) {
     const auto ours = run(m, program);

@@ -319,7 +319,9 @@ TEST(Discrepancy, ASpringWithoutANameIsNarrowed) {
 TEST(Discrepancy, CorrectionsOfTheKineticsNarrowAGapWithoutAName) {
   const std::vector<EffectSetting> hidden{
       {"empirical_direct", {{"rate_ratio", 0.1}, {"barrier_ratio", 1.45}}},
-      {"empirical_asymmetry", {{"log_ratio", 0.08}}}};
+      {"empirical_asymmetry", {{"log_ratio", 0.08}}},
+      {"empirical_skewness", {{"skewness", -0.5}}},
+      {"empirical_tails", {{"inverse_freedom", 0.25}}}};
   for (const auto& h : hidden) {
     SCOPED_TRACE(h.id);
     auto bench = real_bench();
