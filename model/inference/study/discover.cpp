@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <set>
 
 #include "model/inference/dataset/held_out.h"
@@ -112,8 +111,9 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
 // A model that is wrong by much may have misled the choice of pasts, and be far from its best parameters.
 void allow_far_search(Session& s, ImprovementTask& task) {
   task.presumed_past = s.presumed_past;
-  task.search_bases = [&s, fine = task.simulation](const Model& base, const auto& errors, const auto& ticks) {
-    return search_bases(base, s.candidates, recordings_of_search(s.data, s.bench, errors, s.train),
+  task.search_bases = [&s, fine = task.simulation](const Model& base, const auto& effects, const auto& errors,
+                                                   const auto& ticks) {
+    return search_bases(base, effects, recordings_of_search(s.data, s.bench, errors, s.train),
                         {.seed = s.options.seed, .threads = s.threads, .simulation = fine, .tick = ticks});
   };
   if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return;

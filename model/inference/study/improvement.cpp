@@ -109,7 +109,7 @@ class Improver {
   void search_again(std::vector<const Effect*>& remaining) {
     if (!task_.search_bases || !incumbent_.is_material()) return;
     const auto found = task_.search_bases(
-        setting_at(incumbent_.at().hypothesis, incumbent_.at().z).model, incumbent_.noise(),
+        setting_at(incumbent_.at().hypothesis, incumbent_.at().z).model, remaining, incumbent_.noise(),
         [&](const std::string& stage, double f) { task_.tick(stage, share_of_search * f); });
     if (!found.empty()) searched_ = share_of_search;
     std::vector<TriedEffect> tried;

@@ -54,9 +54,10 @@ struct ImprovementTask {
   // the bench. Null: none is to be chosen.
   std::function<std::vector<protocols::Past>(const Model&)> choose_pasts{};
   std::function<void(const std::vector<protocols::Past>&)> set_pasts{};
-  // Searches the whole range of a base model's parameters again (study/base_search.h), where misses count by
-  // these errors. Null: that is not done.
-  std::function<std::vector<SearchedBase>(const Model&, const std::vector<std::vector<NoiseModel>>& errors,
+  // Searches the whole range of a base model's parameters again (study/base_search.h), alone and beside
+  // effects, where misses count by these errors. Null: that is not done.
+  std::function<std::vector<SearchedBase>(const Model&, const std::vector<const Effect*>& beside,
+                                          const std::vector<std::vector<NoiseModel>>& errors,
                                           const SearchTick&)>
       search_bases{};
   bool presumed_past =
