@@ -67,7 +67,8 @@ class Improver {
       narrow();
     else if (incumbent_.is_material())
       incumbent_.settle_with_trusted_instruments();
-    add_tables();
+    if (task_.tables_beside_corrections || std::ranges::none_of(out_.added, &AddedTerm::empirical))
+      add_tables();
     if (!task_.presumed_past && !out_.named && !out_.added.empty()) incumbent_.refit_under_other_pasts();
     const auto& [hypothesis, z] = incumbent_.at();
     estimate_terms(incumbent_.fit(), hypothesis, z, out_.added);

@@ -60,8 +60,10 @@ struct ImprovementTask {
                                           const std::vector<std::vector<NoiseModel>>& errors,
                                           const SearchTick&)>
       search_bases{};
-  bool presumed_past =
-      true;  // poled towards + has been presumed; only what a table brings may speak against it
+  // Poled towards + has been presumed; only what a table brings may speak against it.
+  bool presumed_past = true;
+  // Whether tables are added where corrections of the kinetics were; else these end it.
+  bool tables_beside_corrections = true;
   std::function<void(const std::string& stage, double fraction)> tick;
 };
 

@@ -1,0 +1,46 @@
+// What a discovery asks for one choice of what is held out: the answer by noise, a better model where that
+// leaves more, and the proof.
+#pragma once
+
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "model/inference/study/session.h"
+
+namespace ferrobench::model::inference {
+
+class Inquiry {
+ public:
+  Inquiry(Session& session, const Model& base);
+
+  // Fills in the session's Discovery. Returns the held-out recordings that the recalibrated base does not
+  // explain.
+  std::set<std::size_t> run();
+
+ private:
+  SimulationOptions fine_for(const Model& base) const;
+  struct Progress {
+    double from = 0, to = 1;
+  };
+  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of);
+  void improve_gross();
+  void compare_explanations();
+  void improve_beyond_effects();
+  bool ask_beside_corrections(const Improvement& narrowed);
+  void tell_improvement();
+  void tell_where();
+  std::set<std::size_t> prove();
+
+  Session& s_;
+  Hypothesis base_;
+  WhitenedRecordings coarse_, fine_;
+  WorkflowResult found_;
+  std::vector<AddedTerm> corrections_;   // of the kinetics, beside which `found_` was asked for
+  std::vector<std::string> untestable_;  // whatever the model
+  std::optional<Improvement> improved_;
+  Fit before_, after_;  // the recalibrated base, and with what is added
+};
+
+}  // namespace ferrobench::model::inference
