@@ -59,7 +59,7 @@ class Improver {
     if (!task_.presumed_past)
       for (int i = 0; i < rounds_of_pasts && incumbent_.choose_pasts(incumbent_.at()); ++i)
         incumbent_.settle(1);
-    out_.base = incumbent_.fit();
+    stand_as_base();
     out_.added = task_.named;
     if (out_.added.empty() && !incumbent_.by_noise()) name();
     out_.named = !out_.added.empty() && all_take_material_shares();
@@ -85,6 +85,11 @@ class Improver {
     return std::ranges::all_of(out_.added, [this](const AddedTerm& a) { return takes_material_share(a); });
   }
 
+  void stand_as_base() {
+    out_.base = incumbent_.fit();
+    out_.pasts_of_base = incumbent_.pasts();
+  }
+
   void name() {
     auto remaining = task_.candidates;
     demanded_ = task_.selection.material_share;
@@ -95,7 +100,7 @@ class Improver {
 
   void narrow() {
     if (!incumbent_.by_noise()) incumbent_.settle_with_trusted_instruments();
-    out_.base = incumbent_.fit();
+    stand_as_base();
     auto remaining = task_.candidates;
     remaining.insert(remaining.end(), task_.corrections.begin(), task_.corrections.end());
     demanded_ = least_share_of_effect;
@@ -125,7 +130,7 @@ class Improver {
       } else if (trial && trial->least() >= demanded_) {
         out_.searched = true;
         incumbent_.settle_at(std::move(next));
-        out_.base = incumbent_.fit();
+        stand_as_base();
         before = incumbent_.pasts();
       }
       if (task_.set_pasts) task_.set_pasts(before);

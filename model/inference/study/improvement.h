@@ -18,7 +18,8 @@
 // found.
 //
 // Effects of the catalogue come first, beside them corrections of the kinetics that name nothing (direct
-// switching between both 180-degree wells, barriers that differ by polarity), then data-driven terms
+// switching between both 180-degree wells, barriers that differ by polarity, spreads of another shape), then
+// data-driven terms
 // (model/effects/empirical.h) at the port where they gain most; the weights of these have a normal prior,
 // whose width, and the time constant of their memory, are those of the largest marginal likelihood (Laplace's
 // approximation, around the model as it stands).
@@ -68,7 +69,8 @@ struct ImprovementTask {
 };
 
 struct Improvement {
-  Fit base;  // without any term, recalibrated beside the model's own error
+  Fit base;                                    // without any term, recalibrated beside the model's own error
+  std::vector<protocols::Past> pasts_of_base;  // of the bench, that the base was fitted under
   Hypothesis hypothesis;
   Eigen::VectorXd z;
   std::vector<AddedTerm> added;  // with 90 % intervals

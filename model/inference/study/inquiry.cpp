@@ -215,9 +215,12 @@ void Inquiry::tell_improvement() {
   }
   if (found_.gross) {
     before_ = std::move(improved_->base);
+    const auto stood = pasts_of(s_.bench);
+    hold_pasts(s_.bench, improved_->pasts_of_base);
     out.recalibrated = recalibrations(before_, s_.selection);
     out.recalibrated_base = model_at(before_, "Recalibrated beside its own error.");
     stand_at(coarse_, before_);
+    hold_pasts(s_.bench, stood);
     if (improved_->named) summarize_named(*improved_, s_.selection, out);
   }
   if (improved_->searched)
@@ -245,7 +248,15 @@ std::set<std::size_t> Inquiry::prove() {
     refine_pasts(unknown_pasts(s_), f.hypothesis, f.z);
     return found_.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f.hypothesis, f.z);
   };
-  const auto before = figures(fine_, coarse_, before_),
+  // A gross base counts under the pasts that are likeliest for it, as what was added does under its own.
+  const auto figures_before = [&](const WhitenedRecordings& of, const WhitenedRecordings& by) {
+    const auto stood = pasts_of(s_.bench);
+    if (found_.gross && improved_) hold_pasts(s_.bench, improved_->pasts_of_base);
+    auto predicted = figures(of, by, before_);
+    if (found_.gross && improved_) hold_pasts(s_.bench, stood);
+    return predicted;
+  };
+  const auto before = figures_before(fine_, coarse_),
              after = added ? figures(fine_, coarse_, after_) : before;
   out.where = excess_by_segment_class(fine_, before.standardized);
   out.train.before = rms_by_channel(fine_, before.standardized);
@@ -259,7 +270,7 @@ std::set<std::size_t> Inquiry::prove() {
   if (!s_.held_out.empty()) {
     const WhitenedRecordings locked(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads);
     const WhitenedRecordings locked_coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(), s_.threads);
-    const auto locked_before = figures(locked, locked_coarse, before_),
+    const auto locked_before = figures_before(locked, locked_coarse),
                locked_after = added ? figures(locked, locked_coarse, after_) : locked_before;
     unexplained_locked = unexplained(locked, locked_before.standardized, s_.selection);
     out.held_out.before = rms_by_channel(locked, locked_before.standardized);
