@@ -33,7 +33,7 @@ export async function queuesRuns({ page }) {
 
   await open(page, "queue");
   const program = { format: "ferrobench-protocol", version: 1, name: "long", unit: "kV/mm", segments: [{ kind: "ramp", to: 0.5, time: 0.5 }, { kind: "hold", time: 300 }] };
-  const plan = { format: "ferrobench-plan", version: 1, name: "long", run: { protocol: program }, wait: { channel: "displacement", value: 0, tolerance: 100, unit: "um", for_s: 1 } };
+  const plan = { format: "ferrobench-plan", version: 1, name: "long", run: { protocol: program }, wait: { channel: "displacement", value: 0, tolerance: 100, unit: "um", for_s: 10 } };
   await page.setInputFiles("#plan-file", { name: "long.json", mimeType: "application/json", buffer: Buffer.from(JSON.stringify(plan)) });
   await has(page, 4);
   const [first, second, third, last] = (await items(page)).map((row) => Number(row.split(" ")[0]));
@@ -49,7 +49,7 @@ export async function queuesRuns({ page }) {
   await page.waitForSelector(`#queue-items li[data-item="${third}"][data-state="complete"]`);
   await isAccessible(page, "queue");
   await page.click("#queue-confirm");
-  await says(page, "Waits: for displacement within 100 µm of 0 µm for 1 s");
+  await says(page, "Waits: for displacement within 100 µm of 0 µm for 10 s");
   await page.waitForSelector(`#queue-items li[data-item="${last}"][data-state="running"]`);
   await state(page, "running");
   await page.click("#stop");
