@@ -342,6 +342,32 @@ TEST(Discrepancy, CorrectionsOfTheKineticsNarrowAGapWithoutAName) {
   }
 }
 
+// Beside a base whose barriers differ by polarity a lag does not explain enough; beside the correction it
+// explains all, and the answer is that of the second asking alone.
+TEST(Discrepancy, AnEffectIsNamedBesideACorrectionOfTheKinetics) {
+  auto bench = real_bench();
+  bench.effects.push_back({"empirical_asymmetry", {{"log_ratio", 0.08}}});
+  bench.effects.push_back({"displacement_lag", {{"time_constant", 2e-3}}});
+  const auto found =
+      discover(given(), measure(bench), {.candidates = {"displacement_lag", "displacement_clipping"}});
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  ASSERT_EQ(found.explanations.size(), 1U);
+  ASSERT_EQ(found.explanations.front().effects.size(), 1U);
+  EXPECT_EQ(found.explanations.front().effects.front().id, "displacement_lag");
+  EXPECT_TRUE(found.explanations.front().leave_one_out);
+  EXPECT_TRUE(found.doubted.empty());
+  ASSERT_EQ(found.added.size(), 2U) << text_report(found);
+  EXPECT_EQ(found.added[0].term.id, "empirical_asymmetry");
+  EXPECT_TRUE(found.added[0].empirical);
+  EXPECT_NEAR(found.added[0].term.parameters.front().value, 0.08, 8e-3);
+  EXPECT_EQ(found.added[1].term.id, "displacement_lag");
+  EXPECT_FALSE(found.added[1].empirical);
+  EXPECT_NEAR(found.added[1].term.parameters.front().value, 2e-3, 2e-4);
+  EXPECT_GT(found.share_held_out, 0.95) << text_report(found);
+  for (const auto& [path, moved] : found.recalibrated) EXPECT_FALSE(path.starts_with("effects.")) << path;
+  EXPECT_EQ(found.improved.effects.size(), 2U);
+}
+
 // A smaller gap beside instruments that are a few percent off: what narrows it goes by noise, with what was
 // recalibrated, and leaves no more in any channel, learned or locked, than stood before.
 TEST(Discrepancy, NarrowingASmallGapKeepsTheInstruments) {

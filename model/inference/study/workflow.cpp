@@ -215,6 +215,12 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
 }
 
 void summarize(const WorkflowResult& found, const SelectionOptions& options, Discovery& out) {
+  // Of another answer, whose place this one takes, nothing stays.
+  out.explanations.clear();
+  out.doubted.clear();
+  out.added.clear();
+  out.smallest_detectable.clear();
+  out.equivalent.clear();
   out.verdict = found.selection.verdict;
   out.probability_unknown = found.selection.probability_unknown;
   out.probability_nothing = found.selection.probability_nothing;
