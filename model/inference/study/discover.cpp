@@ -14,6 +14,7 @@ namespace {
 
 // Rows of all recordings together: as many as say more than they cost.
 constexpr std::size_t rows_together = 40000;
+
 std::string names_of(const Session& s, const std::set<std::size_t>& recordings) {
   std::string out;
   for (const auto i : recordings) out += (out.empty() ? "" : ", ") + s.bench[i].name;

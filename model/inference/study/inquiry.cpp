@@ -185,8 +185,6 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   auto& out = s_.out;
   if (named) {
     out.not_testable = untestable_;
-    out.smallest_detectable.clear();
-    out.equivalent.clear();
     summarize(found_, s_.selection, out);
     compare_explanations();
   }
@@ -203,6 +201,15 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   return true;
 }
 
+// A gross base counts under the pasts that are likeliest for it, as what was added does under its own.
+void Inquiry::under_pasts_of_base(const std::function<void()>& what) {
+  if (!found_.gross || !improved_) return what();
+  const auto stood = pasts_of(s_.bench);
+  hold_pasts(s_.bench, improved_->pasts_of_base);
+  what();
+  hold_pasts(s_.bench, stood);
+}
+
 void Inquiry::tell_improvement() {
   auto& out = s_.out;
   after_.hypothesis = improved_->hypothesis;
@@ -215,12 +222,9 @@ void Inquiry::tell_improvement() {
   }
   if (found_.gross) {
     before_ = std::move(improved_->base);
-    const auto stood = pasts_of(s_.bench);
-    hold_pasts(s_.bench, improved_->pasts_of_base);
     out.recalibrated = recalibrations(before_, s_.selection);
     out.recalibrated_base = model_at(before_, "Recalibrated beside its own error.");
-    stand_at(coarse_, before_);
-    hold_pasts(s_.bench, stood);
+    under_pasts_of_base([this] { stand_at(coarse_, before_); });
     if (improved_->named) summarize_named(*improved_, s_.selection, out);
   }
   if (improved_->searched)
@@ -248,12 +252,9 @@ std::set<std::size_t> Inquiry::prove() {
     refine_pasts(unknown_pasts(s_), f.hypothesis, f.z);
     return found_.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f.hypothesis, f.z);
   };
-  // A gross base counts under the pasts that are likeliest for it, as what was added does under its own.
   const auto figures_before = [&](const WhitenedRecordings& of, const WhitenedRecordings& by) {
-    const auto stood = pasts_of(s_.bench);
-    if (found_.gross && improved_) hold_pasts(s_.bench, improved_->pasts_of_base);
-    auto predicted = figures(of, by, before_);
-    if (found_.gross && improved_) hold_pasts(s_.bench, stood);
+    Prediction predicted;
+    under_pasts_of_base([&] { predicted = figures(of, by, before_); });
     return predicted;
   };
   const auto before = figures_before(fine_, coarse_),

@@ -2,6 +2,7 @@
 // leaves more, and the proof.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
@@ -29,6 +30,7 @@ class Inquiry {
   void compare_explanations();
   void improve_beyond_effects();
   bool ask_beside_corrections(const Improvement& narrowed);
+  void under_pasts_of_base(const std::function<void()>& what);
   void tell_improvement();
   void tell_where();
   std::set<std::size_t> prove();
