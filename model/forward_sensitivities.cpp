@@ -58,7 +58,8 @@ ForwardSensitivities::ForwardSensitivities(Simulator::State& state, const Model&
     parts_.push_back(std::move(part));
   }
   if (state.ensemble != nullptr) {
-    domains_.emplace(state.domains(), parameters_);
+    domains_.emplace(spread_slopes_on(state.lattice, state.model.polycrystal, state.spread_shape()),
+                     parameters_);
     state.ensemble->record();
   }
   causes_.assign(parameters_ + load_directions.size(), {});

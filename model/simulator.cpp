@@ -56,15 +56,16 @@ Simulator::State::State(Model given, const SimulationOptions& given_options, con
   } else {
     lattice = plan->lattice;
   }
-  auto made = std::make_unique<Ensemble>(domains(), constants, 0.1 * options.tolerance);
+  auto made =
+      std::make_unique<Ensemble>(domains_on(lattice, model.material, model.polycrystal, spread_shape()),
+                                 constants, 0.1 * options.tolerance);
   ensemble = made.get();
   kinetics = std::move(made);
   if (plan != nullptr) ensemble->follow();
 }
 
-Domains Simulator::State::domains() const {
-  return domains_on(lattice, model.material, model.polycrystal,
-                    {.skewness = ports.spread_skewness, .inverse_freedom = ports.spread_inverse_freedom});
+SpreadShape Simulator::State::spread_shape() const {
+  return {.skewness = ports.spread_skewness, .inverse_freedom = ports.spread_inverse_freedom};
 }
 
 void Simulator::State::start(double field, const Fractions& fractions, double time) {

@@ -63,8 +63,7 @@ struct Simulator::State : Surroundings<double> {
 
   // Time 0 or, for a past that is still to be played, before it.
   void start(double field, const Fractions& fractions = {}, double time = 0);
-  // On the lattice, with what they depend on.
-  Domains domains() const;
+  SpreadShape spread_shape() const;  // of the domains
   // What was played so far is the past: time 0 is now.
   void begin_recording();
   void play(double duration, double field, std::span<const double> times, const ChannelSpans& out);

@@ -92,6 +92,23 @@ WithSlope tail_factor(double z, double f) {
   return {value, c_slope * std::sqrt(growth) + 0.5 * c * growth_slope * u_slope / std::sqrt(growth)};
 }
 
+struct Quantiles {
+  std::array<double, 3> q{}, by_inverse_freedom{};
+  double by_skewness = 0;  // of the first
+};
+Quantiles quantiles_at(const Lattice::Node& node, const SpreadShape& shape) {
+  const std::array z{node.z1, node.z2, node.z3};
+  Quantiles out;
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    const auto tail = tail_factor(z.at(i), shape.inverse_freedom);
+    const auto score = i == 0 ? skewed_score(z.at(i), shape.skewness) : WithSlope{z.at(i), 0};
+    out.q.at(i) = tail.value * score.value;
+    out.by_inverse_freedom.at(i) = tail.slope * score.value;
+    if (i == 0) out.by_skewness = tail.value * score.slope;
+  }
+  return out;
+}
+
 }  // namespace
 
 int spread_dimensions(const Polycrystal& p) {
@@ -188,21 +205,27 @@ Lattice make_lattice(const Material& material, const Polycrystal& p, int count, 
 Domains domains_on(const Lattice& lattice, const Material& material, const Polycrystal& p,
                    const SpreadShape& shape) {
   Domains out;
-  const std::array std{p.barrier_log_std, p.interaction_field_std, p.interaction_stress_std};
   for (const auto& node : lattice.nodes) {
-    const std::array z{node.z1, node.z2, node.z3};
-    for (std::size_t i = 0; i < z.size(); ++i) {
-      const auto tail = tail_factor(z[i], shape.inverse_freedom);
-      const auto score = i == 0 ? skewed_score(z[i], shape.skewness) : WithSlope{z[i], 0};
-      out.quantile[i].push_back(tail.value * score.value);
-      out.by_inverse_freedom[i].push_back(std[i] * tail.slope * score.value);
-      if (i == 0) out.by_skewness.push_back(std[i] * tail.value * score.slope);
+    const auto q = quantiles_at(node, shape).q;
+    const double log_ratio = std::clamp(p.barrier_log_std * q[0], -farthest_barrier, farthest_barrier);
+    out.barrier.push_back(material.barrier * std::exp(log_ratio));
+    out.field.push_back(p.bias_field + p.interaction_field_std * q[1]);
+    out.stress.push_back(p.interaction_stress_std * q[2]);
+    out.weight.push_back(node.weight);
+  }
+  return out;
+}
+
+SpreadSlopes spread_slopes_on(const Lattice& lattice, const Polycrystal& p, const SpreadShape& shape) {
+  const std::array std{p.barrier_log_std, p.interaction_field_std, p.interaction_stress_std};
+  SpreadSlopes out;
+  for (const auto& node : lattice.nodes) {
+    const auto at = quantiles_at(node, shape);
+    for (std::size_t i = 0; i < std.size(); ++i) {
+      out.quantile.at(i).push_back(at.q.at(i));
+      out.by_inverse_freedom.at(i).push_back(std.at(i) * at.by_inverse_freedom.at(i));
     }
-    const double log_ratio = p.barrier_log_std * out.quantile[0].back();
-    out.barrier.push_back(material.barrier *
-                          std::exp(std::clamp(log_ratio, -farthest_barrier, farthest_barrier)));
-    out.field.push_back(p.bias_field + p.interaction_field_std * out.quantile[1].back());
-    out.stress.push_back(p.interaction_stress_std * out.quantile[2].back());
+    out.by_skewness.push_back(p.barrier_log_std * at.by_skewness);
     out.weight.push_back(node.weight);
   }
   return out;

@@ -33,17 +33,23 @@ struct SpreadShape {
   double inverse_freedom = 0;  // of all three spreads, not below zero
 };
 
+struct Domains {
+  std::vector<double> barrier;  // J/m^3
+  std::vector<double> field;    // E_int, V/m
+  std::vector<double> stress;   // sigma_int, Pa
+  std::vector<double> weight;   // sums to 1
+  std::size_t size() const { return weight.size(); }
+};
+
 // Columns by spread: barriers, fields, stresses.
 using SpreadColumns = std::array<std::vector<double>, 3>;
 
-struct Domains {
-  std::vector<double> barrier;       // J/m^3
-  std::vector<double> field;         // E_int, V/m
-  std::vector<double> stress;        // sigma_int, Pa
-  std::vector<double> weight;        // sums to 1
-  SpreadColumns quantile;            // q
-  std::vector<double> by_skewness;   // d ln(dg0)
-  SpreadColumns by_inverse_freedom;  // d ln(dg0), V/m, Pa
+// How the domains move with their spreads, for sensitivities.
+struct SpreadSlopes {
+  SpreadColumns quantile;            // q: by the standard deviations
+  std::vector<double> by_skewness;   // ln(dg0)
+  SpreadColumns by_inverse_freedom;  // ln(dg0), V/m, Pa
+  std::vector<double> weight;        // of the domains
   std::size_t size() const { return weight.size(); }
 };
 
@@ -63,6 +69,8 @@ Lattice make_lattice(const Material& material, const Polycrystal& polycrystal, i
                      bool every_spread = false);
 Domains domains_on(const Lattice& lattice, const Material& material, const Polycrystal& polycrystal,
                    const SpreadShape& shape = {});
+SpreadSlopes spread_slopes_on(const Lattice& lattice, const Polycrystal& polycrystal,
+                              const SpreadShape& shape);
 // Both.
 Domains make_domains(const Material& material, const Polycrystal& polycrystal, int count, std::uint64_t shift,
                      bool every_spread = false);

@@ -6,9 +6,8 @@
 namespace ferrobench::model {
 namespace {
 
-// Of the columns that are needed here.
 template <class F>
-void for_each_column(Domains& domains, F&& f) {
+void for_each_column(SpreadSlopes& domains, F&& f) {
   f(domains.weight);
   f(domains.by_skewness);
   for (auto* columns : {&domains.quantile, &domains.by_inverse_freedom})
@@ -21,7 +20,7 @@ std::array<const double*, 3> data_of(const SpreadColumns& columns) {
 
 }  // namespace
 
-EnsembleTangents::EnsembleTangents(Domains domains, std::size_t parameters)
+EnsembleTangents::EnsembleTangents(SpreadSlopes domains, std::size_t parameters)
     : parameters_(parameters),
       size_(domains.size()),
       directions_(parameters + 3),

@@ -13,7 +13,7 @@ namespace ferrobench::model {
 
 class EnsembleTangents {
  public:
-  EnsembleTangents(Domains domains, std::size_t parameters);
+  EnsembleTangents(SpreadSlopes domains, std::size_t parameters);
 
   // Fractions that no parameter moves; `change` is what has fallen asleep there.
   void start(const InactiveSetChange& change);
@@ -37,7 +37,7 @@ class EnsembleTangents {
 
   std::size_t parameters_, size_;
   std::vector<Direction> directions_;
-  Domains given_, rows_;  // in the order in which they were given, and as the rows are now
+  SpreadSlopes given_, rows_;  // in the order in which they were given, and as the rows are now
   std::size_t awake_ = 0;
 };
 

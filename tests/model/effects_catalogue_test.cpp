@@ -17,7 +17,7 @@ EffectSetting typical(const Effect& e) {
 // A crystal, with spreads where an effect is about their shape.
 Model base_for(const Effect& e) {
   auto m = crystal();
-  if (e.id != "empirical_tails" && e.id != "empirical_skewness") return m;
+  if (!shapes_spreads(e.id)) return m;
   m.polycrystal.method = PolycrystalMethod::distribution;
   m.polycrystal.barrier_log_std = 0.3;
   m.polycrystal.interaction_field_std = 1e5;

@@ -11,6 +11,7 @@
 
 #include "tests/model/effects_support.h"
 #include "tests/model/empirical_reference.h"
+#include "tests/model/student_quantiles.h"
 
 namespace ferrobench::model {
 
@@ -65,13 +66,6 @@ class Reference {
     return found == p_.end() ? 0 : found->second;
   }
   bool has(const std::string& name) const { return p_.contains(name); }
-
-  // The quantile of Student's t with four degrees of freedom (Shaw 2006), at the normal score z.
-  static double student_of_four(double z) {
-    const double below = 0.5 * std::erfc(std::abs(z) / std::numbers::sqrt2);
-    const double a = std::sqrt(4 * below * (1 - below));
-    return std::copysign(2 * std::sqrt(std::cos(std::acos(a) / 3) / a - 1), z);
-  }
 
   double saturation() const {
     return m_.material.remanent_polarization / (1 + of("polarization_fatigue.coefficient") * switched_);

@@ -65,13 +65,12 @@ TEST_P(AgainstTinySteps, SameLoopAndHold) {
   auto m = crystal();
   std::map<std::string, double> named;
   for (const auto& [name, value] : parameters) named[id + "." + name] = value;
-  const bool shape = id == "empirical_skewness" || id == "empirical_tails";
-  if (shape) {
+  if (shapes_spreads(id)) {
     m.effects.push_back({"barrier_distribution", {{"log_std", 0.3}}});
     named["barrier_distribution.log_std"] = 0.3;
   }
   if (!parameters.empty()) m.effects.push_back({id, parameters});
-  const bool spread = shape || id.ends_with("_distribution");
+  const bool spread = shapes_spreads(id) || id.ends_with("_distribution");
   for (const Program& program :
        {loop(), Program{{{0, 0}, {0.03, -1.1e6}, {0.23, -1.1e6}, {0.26, 0}}, 1e-3}}) {
     const auto ours = run(m, program);

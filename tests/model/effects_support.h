@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "model/effects/catalogue.h"
@@ -18,6 +19,11 @@ inline Model crystal() {
   m.material.compliance_90 = 2.2e-11;
   m.load = {.spring_stiffness = 2.7e6, .prestress = 8e6};
   return m;
+}
+
+// Whether an effect is about the shape of spreads, and shows nothing without any.
+inline bool shapes_spreads(std::string_view id) {
+  return id == "empirical_skewness" || id == "empirical_tails";
 }
 
 inline Model with(Model m, const std::string& id, const Parameters& parameters) {

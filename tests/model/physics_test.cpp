@@ -7,6 +7,7 @@
 #include "model/physics/domains.h"
 #include "model/physics/wells.h"
 #include "tests/model/random_models.h"
+#include "tests/model/student_quantiles.h"
 
 namespace ferrobench::model {
 namespace {
@@ -90,26 +91,32 @@ TEST(Quadrature, DoesNotJumpWhereASpreadIsSwitchedOn) {
   }
 }
 
-// Of Tukey's g distribution the mean is (exp(g^2 / 2) - 1) / g, of Student's t with 1 / f degrees of freedom
-// the variance 1 / (1 - 2 f).
-TEST(Spreads, HaveTheMomentsOfTheirShape) {
+Polycrystal three_spreads() {
   Polycrystal p;
   p.method = PolycrystalMethod::distribution;
   p.barrier_log_std = 0.3;
   p.interaction_field_std = 6e4;
   p.interaction_stress_std = 5e6;
+  return p;
+}
+
+// Of Tukey's g distribution the mean is (exp(g^2 / 2) - 1) / g, of Student's t with 1 / f degrees of freedom
+// the variance 1 / (1 - 2 f).
+TEST(Spreads, HaveTheMomentsOfTheirShape) {
+  const auto p = three_spreads();
   const auto lattice = make_lattice({}, p, 200000, 0);
-  const auto mean = [](const Domains& d, const std::vector<double>& column, int power) {
+  const auto mean = [&](const std::vector<double>& column, int power) {
     double sum = 0;
-    for (std::size_t i = 0; i < d.size(); ++i) sum += d.weight[i] * std::pow(column[i], power);
+    for (std::size_t i = 0; i < column.size(); ++i)
+      sum += lattice.nodes[i].weight * std::pow(column[i], power);
     return sum;
   };
   const double g = -0.6, f = 0.1;
-  const auto skewed = domains_on(lattice, {}, p, {.skewness = g});
-  EXPECT_NEAR(mean(skewed, skewed.quantile[0], 1), std::expm1(g * g / 2) / g, 1e-3);
-  EXPECT_NEAR(mean(skewed, skewed.field, 2), 6e4 * 6e4, 1e-2 * 6e4 * 6e4);
-  const auto heavy = domains_on(lattice, {}, p, {.inverse_freedom = f});
-  for (const auto& column : heavy.quantile) EXPECT_NEAR(mean(heavy, column, 2), 1 / (1 - 2 * f), 1e-2);
+  const auto skewed = spread_slopes_on(lattice, p, {.skewness = g});
+  EXPECT_NEAR(mean(skewed.quantile[0], 1), std::expm1(g * g / 2) / g, 1e-3);
+  EXPECT_NEAR(mean(domains_on(lattice, {}, p, {.skewness = g}).field, 2), 6e4 * 6e4, 1e-2 * 6e4 * 6e4);
+  const auto heavy = spread_slopes_on(lattice, p, {.inverse_freedom = f});
+  for (const auto& column : heavy.quantile) EXPECT_NEAR(mean(column, 2), 1 / (1 - 2 * f), 1e-2);
 }
 
 // Closed forms of the quantiles of two and of four degrees of freedom.
@@ -121,9 +128,7 @@ TEST(Spreads, HaveTheQuantilesOfStudentsT) {
     const auto at = [&](double f) {
       return domains_on({{{0, z, 0, 1}}}, {}, p, {.inverse_freedom = f}).field.front();
     };
-    const double below = 0.5 * std::erfc(z / std::sqrt(2)), a = 4 * below * (1 - below), root = std::sqrt(a);
-    const double of_two = (1 - 2 * below) * std::sqrt(2 / a),
-                 of_four = 2 * std::sqrt(std::cos(std::acos(root) / 3) / root - 1);
+    const double of_two = student_of_two(z), of_four = student_of_four(z);
     EXPECT_NEAR(at(0.5), of_two, (z > 2 ? 0.25 : 0.05) * of_two) << z;
     EXPECT_NEAR(at(0.25), of_four, (z > 2 ? 0.03 : 0.006) * of_four) << z;
     EXPECT_EQ(at(0), z);
@@ -132,16 +137,13 @@ TEST(Spreads, HaveTheQuantilesOfStudentsT) {
 
 // By differences, also where the closed form of the skewness gives way to its series.
 TEST(Spreads, KnowTheirSlopesByTheShape) {
-  Polycrystal p;
-  p.method = PolycrystalMethod::distribution;
-  p.barrier_log_std = 0.3;
-  p.interaction_field_std = 6e4;
-  p.interaction_stress_std = 5e6;
+  const auto p = three_spreads();
   const auto lattice = make_lattice({}, p, 100, 0);
   for (const double g : {-0.8, -1e-5, 0.0, 1e-3, 0.5}) {
     const SpreadShape shape{g, 0.2};
     const double step = 1e-5;
-    const auto at = domains_on(lattice, {}, p, shape), right = domains_on(lattice, {}, p, {g + step, 0.2}),
+    const auto at = spread_slopes_on(lattice, p, shape);
+    const auto right = domains_on(lattice, {}, p, {g + step, 0.2}),
                left = domains_on(lattice, {}, p, {g - step, 0.2}),
                more = domains_on(lattice, {}, p, {g, 0.2 + step}),
                less = domains_on(lattice, {}, p, {g, 0.2 - step});
