@@ -87,6 +87,16 @@ HWY_INLINE void advance(const DomainColumns& domains, std::size_t first, std::si
   }
 }
 
+// Where both ways of a pair are fast, the end's rates take their share of twice the mean rates.
+HWY_INLINE void let_the_end_count(V half_span, V out_rate, V back_rate, V& twice_out, V& twice_back) {
+  const D d;
+  const V u = both_ways(hn::Mul(half_span, twice_out), hn::Mul(half_span, twice_back));
+  if (hn::AllTrue(d, hn::Lt(u, hn::Set(d, least_both_ways)))) return;
+  const V share = hn::Div(u, hn::Add(hn::Set(d, 1.0), u)), two = hn::Set(d, 2.0);
+  twice_out = hn::MulAdd(share, hn::MulSub(two, out_rate, twice_out), twice_out);
+  twice_back = hn::MulAdd(share, hn::MulSub(two, back_rate, twice_back), twice_back);
+}
+
 // Short passes over few rows at a time: what one leaves to the next stays near, and the processor works on
 // several rows at once.
 constexpr std::size_t block = 64;
@@ -112,7 +122,7 @@ StepResult step_with(const KineticConstants& k, const DomainColumns& domains, st
       const auto l = log_rates<Law, n>(constants, domains, i, f1);
       const V barrier = hn::LoadU(d, domains.barrier + i);
       const V inverse_barrier = hn::LoadU(d, domains.inverse_barrier + i);
-      PerTransition<n> bend;
+      PerTransition<n> bend, mean;
       twice_bends(constants, f0.plus, f1.plus, hn::Sub(bend_even, bend_odd), bent, barrier, inverse_barrier,
                   bend.v[0], bend.v[1]);
       twice_bends(constants, f0.minus, f1.minus, hn::Add(bend_even, bend_odd), bent, barrier, inverse_barrier,
@@ -123,11 +133,16 @@ StepResult step_with(const KineticConstants& k, const DomainColumns& domains, st
                     hn::Div(inverse_barrier, constants.direct_barrier), bend.v[4], bend.v[5]);
       for (std::size_t j = 0; j < n; ++j) {
         const V rate = hn::Exp(d, l.v[j]);
-        hn::StoreU(twice_mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
-                                   hn::LoadU(d, before.rate[j] + i), rate, bend.v[j]),
-                   d, twice_mean[j].data() + (i - first));
+        mean.v[j] = twice_mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
+                                    hn::LoadU(d, before.rate[j] + i), rate, bend.v[j]);
         hn::StoreU(l.v[j], d, after.log_rate[j] + i);
         hn::StoreU(rate, d, after.rate[j] + i);
+      }
+      for (std::size_t j = 0; j < n; j += 2) {
+        let_the_end_count(half_span, hn::LoadU(d, after.rate[j] + i), hn::LoadU(d, after.rate[j + 1] + i),
+                          mean.v[j], mean.v[j + 1]);
+        for (const std::size_t way : {j, j + 1})
+          hn::StoreU(mean.v[way], d, twice_mean[way].data() + (i - first));
       }
     }
     advance<n>(domains, first, end, count, means, half_span, after.rate, out, sums);

@@ -10,6 +10,11 @@
 //
 //     h (m0 + q m1),   m0 = (r1 - r0) / D,   m1 = (r0 + r1 - 2 m0) / D^2        to first order in q
 //
+// Where both ways a, b of a pair are fast against the step, the fractions follow the equilibrium of the rates,
+// and these intensities would leave them at that of mid-step. There the rates at the end count, by the share
+// u / (1 + u), u = a b / 4: with equal ways that is how far the end of an exact step is from mid-step, in
+// half steps, to 0.1 of them. Barriers of many kT have u of 1e-9 and less, and the share is left out.
+//
 // With the intensities a (+ -> 90), b (90 -> +), c (90 -> -), e (- -> 90) the fractions x = (x+, x-) of the
 // two-state system (4.21) change in a step by
 //
