@@ -269,7 +269,7 @@ HWY_INLINE V twice_mean_rate(V l0, V l1, V r0, V r1, V twice_bend) {
   return hn::MulAdd(m1, hn::Sub(twice_bend, square), sum);
 }
 
-// u of kernel.h.
+// w of kernel.h.
 HWY_INLINE V both_ways(V out, V back) {
   return hn::Mul(hn::Set(D(), 0.25), hn::Mul(out, back));
 }

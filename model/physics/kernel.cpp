@@ -91,16 +91,16 @@ HWY_INLINE void advance(const DomainColumns& domains, std::size_t first, std::si
 template <std::size_t n>
 HWY_INLINE void let_the_end_count(V half_span, const PerTransition<n>& end, PerTransition<n>& twice_mean) {
   const D d;
-  PerTransition<n / 2> u;
+  PerTransition<n / 2> w;
   V most = hn::Zero(d);
   const V square = hn::Mul(half_span, half_span);
   for (std::size_t j = 0; j < n; j += 2) {
-    u.v[j / 2] = hn::Mul(square, both_ways(twice_mean.v[j], twice_mean.v[j + 1]));
-    most = hn::Max(most, u.v[j / 2]);
+    w.v[j / 2] = hn::Mul(square, both_ways(twice_mean.v[j], twice_mean.v[j + 1]));
+    most = hn::Max(most, w.v[j / 2]);
   }
   if (hn::AllTrue(d, hn::Lt(most, hn::Set(d, least_both_ways)))) return;
   for (std::size_t j = 0; j < n; ++j) {
-    const V share = hn::Div(u.v[j / 2], hn::Add(hn::Set(d, 1.0), u.v[j / 2]));
+    const V share = hn::Div(w.v[j / 2], hn::Add(hn::Set(d, 1.0), w.v[j / 2]));
     twice_mean.v[j] =
         hn::MulAdd(share, hn::MulSub(hn::Set(d, 2.0), end.v[j], twice_mean.v[j]), twice_mean.v[j]);
   }

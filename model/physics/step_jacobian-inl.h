@@ -89,8 +89,8 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
   }
   const auto at_end = [&](std::size_t j) HWY_ATTR { return set(2.0) * half_span * rate.v[j]; };
   for (std::size_t j = 0; j < n; ++j) {
-    const V u = both_ways(of_mean.v[j], of_mean.v[j ^ 1]);
-    end_share.v[j] = hn::IfThenElseZero(hn::Ge(u, set(least_both_ways)), u / (one + u));
+    const V w = both_ways(of_mean.v[j], of_mean.v[j ^ 1]);
+    end_share.v[j] = hn::IfThenElseZero(hn::Ge(w, set(least_both_ways)), w / (one + w));
     intensity.v[j] = of_mean.v[j] + end_share.v[j] * (at_end(j) - of_mean.v[j]);
   }
   const Propagation<n> p = propagation(intensity, load(domains_.plus + i), load(domains_.minus + i));
@@ -114,9 +114,9 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
   for (std::size_t j = 0; j < n; ++j) {
     const std::size_t back = j ^ 1;
     const V share = end_share.v[j], rest = one - share;
-    // By u, of which the share is u / (1 + u).
-    const Pair by_both_ways = rest * ((at_end(j) - intensity.v[j]) * p.by[j] +
-                                     (at_end(back) - intensity.v[back]) * p.by[back]);
+    // By w, of which the share is w / (1 + w).
+    const Pair by_both_ways =
+        rest * ((at_end(j) - intensity.v[j]) * p.by[j] + (at_end(back) - intensity.v[back]) * p.by[back]);
     const V open = hn::IfThenElseZero(hn::Gt(share, zero), set(0.25) * of_mean.v[back]);
     const Pair by_mean = rest * p.by[j] + open * by_both_ways, by_end = (share * at_end(j)) * p.by[j];
     const Pair by = half_span * by_mean;

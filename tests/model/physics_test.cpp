@@ -269,8 +269,8 @@ TEST(FastWells, StayInEquilibrium) {
     out.field = field;
     out.fraction_plus = plus;
     out.fraction_minus = minus;
-    const auto took = simulate_at(model, knot_time, knot_field, time, out,
-                                  {.tolerance = 1e-3, .most_steps = 10000});
+    const auto took =
+        simulate_at(model, knot_time, knot_field, time, out, {.tolerance = 1e-3, .most_steps = 10000});
     EXPECT_LT(took.steps, 2000U);
     const auto k = kinetic_constants(m);
     for (std::size_t i = 0; i < time.size(); ++i) {
