@@ -269,6 +269,13 @@ HWY_INLINE V twice_mean_rate(V l0, V l1, V r0, V r1, V twice_bend) {
   return hn::MulAdd(m1, hn::Sub(twice_bend, square), sum);
 }
 
+// w of kernel.h.
+HWY_INLINE V both_ways(V out, V back) {
+  return hn::Mul(hn::Set(D(), 0.25), hn::Mul(out, back));
+}
+// Below this the rates at the end would move no fraction by what a program can show.
+constexpr double least_both_ways = 1e-9;
+
 // Twice the bend q of ln(rate) of a -> 90 (out) and 90 -> a (back) for a force that goes from f0 to f1 and is
 // `bend` off the line at mid-step. With l = -(F/4 - dg0)^2 / (kT dg0) between -4 dg0 and 4 dg0; beyond, l is
 // linear.

@@ -87,6 +87,25 @@ HWY_INLINE void advance(const DomainColumns& domains, std::size_t first, std::si
   }
 }
 
+// Where both ways of a pair are fast, the end's rates take their share of twice the mean rates.
+template <std::size_t n>
+HWY_INLINE void let_the_end_count(V half_span, const PerTransition<n>& end, PerTransition<n>& twice_mean) {
+  const D d;
+  PerTransition<n / 2> w;
+  V most = hn::Zero(d);
+  const V square = hn::Mul(half_span, half_span);
+  for (std::size_t j = 0; j < n; j += 2) {
+    w.v[j / 2] = hn::Mul(square, both_ways(twice_mean.v[j], twice_mean.v[j + 1]));
+    most = hn::Max(most, w.v[j / 2]);
+  }
+  if (hn::AllTrue(d, hn::Lt(most, hn::Set(d, least_both_ways)))) return;
+  for (std::size_t j = 0; j < n; ++j) {
+    const V share = hn::Div(w.v[j / 2], hn::Add(hn::Set(d, 1.0), w.v[j / 2]));
+    twice_mean.v[j] =
+        hn::MulAdd(share, hn::MulSub(hn::Set(d, 2.0), end.v[j], twice_mean.v[j]), twice_mean.v[j]);
+  }
+}
+
 // Short passes over few rows at a time: what one leaves to the next stays near, and the processor works on
 // several rows at once.
 constexpr std::size_t block = 64;
@@ -112,7 +131,7 @@ StepResult step_with(const KineticConstants& k, const DomainColumns& domains, st
       const auto l = log_rates<Law, n>(constants, domains, i, f1);
       const V barrier = hn::LoadU(d, domains.barrier + i);
       const V inverse_barrier = hn::LoadU(d, domains.inverse_barrier + i);
-      PerTransition<n> bend;
+      PerTransition<n> bend, end_rate, mean;
       twice_bends(constants, f0.plus, f1.plus, hn::Sub(bend_even, bend_odd), bent, barrier, inverse_barrier,
                   bend.v[0], bend.v[1]);
       twice_bends(constants, f0.minus, f1.minus, hn::Add(bend_even, bend_odd), bent, barrier, inverse_barrier,
@@ -122,13 +141,14 @@ StepResult step_with(const KineticConstants& k, const DomainColumns& domains, st
                     hn::Mul(hn::Set(d, -2.0), bend_odd), bent, hn::Mul(barrier, constants.direct_barrier),
                     hn::Div(inverse_barrier, constants.direct_barrier), bend.v[4], bend.v[5]);
       for (std::size_t j = 0; j < n; ++j) {
-        const V rate = hn::Exp(d, l.v[j]);
-        hn::StoreU(twice_mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
-                                   hn::LoadU(d, before.rate[j] + i), rate, bend.v[j]),
-                   d, twice_mean[j].data() + (i - first));
+        end_rate.v[j] = hn::Exp(d, l.v[j]);
+        mean.v[j] = twice_mean_rate(hn::LoadU(d, before.log_rate[j] + i), l.v[j],
+                                    hn::LoadU(d, before.rate[j] + i), end_rate.v[j], bend.v[j]);
         hn::StoreU(l.v[j], d, after.log_rate[j] + i);
-        hn::StoreU(rate, d, after.rate[j] + i);
+        hn::StoreU(end_rate.v[j], d, after.rate[j] + i);
       }
+      let_the_end_count(half_span, end_rate, mean);
+      for (std::size_t j = 0; j < n; ++j) hn::StoreU(mean.v[j], d, twice_mean[j].data() + (i - first));
     }
     advance<n>(domains, first, end, count, means, half_span, after.rate, out, sums);
   }

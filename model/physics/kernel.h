@@ -19,7 +19,13 @@
 // p (+ -> -) and m (- -> +), M = (a + b + p, b - m; c - p, c + e + m). Their driving force is F_{+,90} -
 // F_{-,90}, and since both have the same permittivity their barrier is that of equal curvature by any law.
 //
-// with a rational function of degrees 7 and 8 in place of psi, exact for y to infinity and nearly the best
+// Where both ways of a pair are fast against the step, as a and b, the fractions follow the equilibrium of
+// the rates, and their integrals would leave them at that of mid-step. There h times the rates at the end
+// takes the place of the integral, by the share w / (1 + w), w = a b / 4: with equal ways that is how far the
+// end of an exact step is from mid-step, in half steps, to 0.1 of them. Barriers of many kT have w of 1e-9
+// and less, and the share is left out.
+//
+// psi is computed as a rational function of degrees 7 and 8, exact for y to infinity and nearly the best
 // for all y >= 0 at once: off by 3.1e-8 of the change along an eigenvector of M, by 1.9e-7 of it at most
 // where both eigenvalues meet. As it stands for psi and not for exp, that is a share of what flows in the
 // step: where nothing flows nothing is lost, however many steps. Fractions are kept from leaving [0, 1] by as

@@ -78,14 +78,20 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
                 direct, direct_inverse, bend.v[4], bend.v[5]);
 
   const V half_span = set(0.5 * step_.h / k_.relaxation_time);
-  PerTransition<n> l0, l1, rate, intensity;
+  PerTransition<n> l0, l1, rate, of_mean, intensity, end_share;
   Transition mean[n];
   for (std::size_t j = 0; j < n; ++j) {
     l0.v[j] = load(step_.before.log_rate[j] + i);
     l1.v[j] = load(step_.after.log_rate[j] + i);
     rate.v[j] = load(step_.after.rate[j] + i);
     mean[j] = transition(l0.v[j], l1.v[j], load(step_.before.rate[j] + i), rate.v[j], bend.v[j]);
-    intensity.v[j] = half_span * mean[j].twice_mean;
+    of_mean.v[j] = half_span * mean[j].twice_mean;
+  }
+  const auto at_end = [&](std::size_t j) HWY_ATTR { return set(2.0) * half_span * rate.v[j]; };
+  for (std::size_t j = 0; j < n; ++j) {
+    const V w = both_ways(of_mean.v[j], of_mean.v[j ^ 1]);
+    end_share.v[j] = hn::IfThenElseZero(hn::Ge(w, set(least_both_ways)), w / (one + w));
+    intensity.v[j] = of_mean.v[j] + end_share.v[j] * (at_end(j) - of_mean.v[j]);
   }
   const Propagation<n> p = propagation(intensity, load(domains_.plus + i), load(domains_.minus + i));
   const V weight = hn::IfThenElseZero(hn::FirstN(d, count_ - i), load(domains_.weight + i));
@@ -104,12 +110,20 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
   hn::StoreU(hn::Neg(weight * (rate.v[2] + rate.v[3] + to_plus)), d, out.rate[3] + at);
 
   // x' by ln(rate) at both ends and by the bends; the means' weighted rates at the end by ln(rate) there.
-  Pair x0[n], x1[n], xb[n], flow[n];
+  Pair x0[n], x1[n], xb[n], flow[n], by_span = {zero, zero};
   for (std::size_t j = 0; j < n; ++j) {
-    const Pair by = half_span * p.by[j];
+    const std::size_t back = j ^ 1;
+    const V share = end_share.v[j], rest = one - share;
+    // By w, of which the share is w / (1 + w).
+    const Pair by_both_ways =
+        rest * ((at_end(j) - intensity.v[j]) * p.by[j] + (at_end(back) - intensity.v[back]) * p.by[back]);
+    const V open = hn::IfThenElseZero(hn::Gt(share, zero), set(0.25) * of_mean.v[back]);
+    const Pair by_mean = rest * p.by[j] + open * by_both_ways, by_end = (share * at_end(j)) * p.by[j];
+    const Pair by = half_span * by_mean;
     x0[j] = mean[j].before * by;
-    x1[j] = mean[j].after * by;
+    x1[j] = mean[j].after * by + by_end;
     xb[j] = mean[j].twice_bend * by;
+    by_span = by_span + of_mean.v[j] * by_mean + by_end;
   }
   const V ninety = weight * (one - p.plus - p.minus);
   flow[0] = {hn::Neg(rate.v[0] * (weight * p.plus)), zero};
@@ -256,11 +270,7 @@ HWY_INLINE void Step::rows(std::size_t i, std::size_t at, const std::array<bool,
     }
     put(Cause::log_energy, x, rate_x);
   }
-  if (is_wanted(Cause::log_span)) {
-    Pair x = none;
-    for (std::size_t j = 0; j < n; ++j) x = x + intensity.v[j] * p.by[j];
-    put(Cause::log_span, x, none);
-  }
+  if (is_wanted(Cause::log_span)) put(Cause::log_span, by_span, none);
   if (is_wanted(Cause::stabilization)) {
     const V start_by = start.squeezed * barrier, end_by = end.squeezed * barrier;
     put(Cause::stabilization, start_by * back_0 + end_by * back_1, end_by * rate_back);

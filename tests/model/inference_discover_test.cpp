@@ -513,7 +513,7 @@ TEST(Discrepancy, AnAnchorTakesOutMostOfTheErrorOfFewNodes) {
 TEST(Discrepancy, TheLastStepsOfABaseAreThoseOfTheFineSimulation) {
   const auto two = two_recordings();
   const auto hypothesis = inference::base_hypothesis(given(), two.bench);
-  const SimulationOptions few{.tolerance = 1e-4, .domains = 250, .shift = 7},
+  const SimulationOptions few{.tolerance = 1e-4, .domains = 150, .shift = 7},
       many{.tolerance = 1e-5, .domains = 2000, .shift = 7};
   const auto gain_left = [&](inference::LastSteps by) {
     const inference::WhitenedRecordings coarse(two.bench, two.noises, {0, 1}, few, 2);

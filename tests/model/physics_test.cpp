@@ -250,6 +250,39 @@ TEST(Rest, KeepsThePoledState) {
   EXPECT_NEAR(1 - w.plus.back(), through, 0.01 * through);
 }
 
+// Wells that exchange within nanoseconds hold what Boltzmann's weights say, and steps are as long as the
+// weights' own way asks, some ten times the tolerance, however fast the wells.
+TEST(FastWells, StayInEquilibrium) {
+  for (const auto law : {BarrierLaw::equal_curvature, BarrierLaw::unequal_curvature}) {
+    auto model = library_model("soft-pzt");
+    model.polycrystal = {};
+    model.load = {};
+    auto& m = model.material;
+    m.barrier_law = law;
+    m.relaxation_time = 1e-9;
+    m.barrier = 4 * boltzmann * m.temperature / m.activation_volume;
+    const std::array<double, 5> knot_time{0, 0.1, 0.35, 0.6, 0.7}, knot_field{0, 2e5, -2e5, 2e5, 0};
+    std::vector<double> time;
+    for (int i = 1; i < 140; ++i) time.push_back(0.7 * i / 140);
+    std::vector<double> plus(time.size()), minus(time.size()), field(time.size());
+    ChannelSpans out;
+    out.field = field;
+    out.fraction_plus = plus;
+    out.fraction_minus = minus;
+    const auto took =
+        simulate_at(model, knot_time, knot_field, time, out, {.tolerance = 1e-3, .most_steps = 10000});
+    EXPECT_LT(took.steps, 2000U);
+    const auto k = kinetic_constants(m);
+    for (std::size_t i = 0; i < time.size(); ++i) {
+      const auto force = driving_forces(k, {field[i], 0});
+      const double of_plus = std::exp(-k.inverse_energy * force.plus_90),
+                   of_minus = std::exp(-k.inverse_energy * force.minus_90);
+      EXPECT_NEAR(plus[i], of_plus / (1 + of_plus + of_minus), 2e-3) << time[i];
+      EXPECT_NEAR(minus[i], of_minus / (1 + of_plus + of_minus), 2e-3) << time[i];
+    }
+  }
+}
+
 TEST(Steps, ConvergeAsTheToleranceFalls) {
   for (const bool poly : {false, true}) {
     auto model = poly ? library_model("soft-pzt") : crystal();

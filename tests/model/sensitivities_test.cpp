@@ -5,6 +5,7 @@
 
 #include "model/gradient_check.h"
 #include "model/inference/parameters/parameters.h"
+#include "model/physics/wells.h"
 #include "tests/model/empirical_reference.h"
 #include "tests/model/random_models.h"
 
@@ -92,6 +93,15 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Combine(testing::Values(Specimen::crystal, Specimen::sprung_crystal, Specimen::polycrystal,
                                      Specimen::sprung_polycrystal),
                      testing::Values(BarrierLaw::equal_curvature, BarrierLaw::unequal_curvature)));
+
+// Wells that exchange many times in a step, a few times, and never.
+TEST(FastWells, SlopesAreThoseOfDifferences) {
+  auto m = specimen(Specimen::sprung_polycrystal);
+  m.material.relaxation_time = 1e-9;
+  m.material.barrier = 15 * boltzmann * m.material.temperature / m.material.activation_volume;
+  for (const std::string effect : {"", "empirical_asymmetry", "empirical_direct"})
+    expect_agreement(effect.empty() ? m : with_effect(m, find_effect(effect)), parameters_of(m), 64);
+}
 
 class EachEffect : public testing::TestWithParam<std::string> {};
 
