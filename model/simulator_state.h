@@ -78,6 +78,7 @@ struct Simulator::State : Surroundings<double> {
     double reached = 0;    // share of the domains
   };
   WellEnds well_ends(double path) const;
+  double growth(const Trial<double>& trial) const;
   double step_error(const Trial<double>& trial, const WellEnds& ends) const;
   void accept_step(Trial<double>& trial, const std::vector<std::size_t>* slept);
   void begin_to_look_on();

@@ -159,6 +159,8 @@ TEST(Covariance, OfWhatTheDataDoNotTellIsThatOfItsRange) {
 }
 
 constexpr SimulationOptions coarse{.tolerance = 1e-3, .domains = 128};
+// Where the minimum that is found is judged: least squares stand still at the steps of a coarse sum.
+constexpr SimulationOptions fine{.tolerance = 1e-4, .domains = 1000};
 
 Model free_specimen_model() {
   auto m = library_model("soft-pzt");
@@ -168,11 +170,11 @@ Model free_specimen_model() {
   return m;
 }
 
-std::vector<recordings::Recording> loops_at_two_rates(const Model& truth) {
+std::vector<recordings::Recording> loops_at_two_rates(const Model& truth,
+                                                      const SimulationOptions& by = coarse) {
   auto slow = loop();
   for (auto& t : slow.time) t *= 30;
-  std::vector<recordings::Recording> out{measured_on(truth, loop(), coarse),
-                                         measured_on(truth, slow, coarse)};
+  std::vector<recordings::Recording> out{measured_on(truth, loop(), by), measured_on(truth, slow, by)};
   for (auto& r : out) r.header.past = {protocols::PastKind::poled_plus};
   return out;
 }
@@ -261,16 +263,16 @@ TEST(FitFromNothing, FindsTheLoops) {
   start.material.remanent_strain_90 *= 2;
   FitOptions options;
   options.free = default_free_parameters(truth);
-  options.simulation = coarse;
+  options.simulation = fine;
   options.starts = 3;
-  const auto residuals = recording_residuals(loops_at_two_rates(truth));
-  const auto before = residuals->summary(start, {.simulation = coarse});
+  const auto residuals = recording_residuals(loops_at_two_rates(truth, fine));
+  const auto before = residuals->summary(start, {.simulation = fine});
   const auto result = fit(start, *residuals, options);
   for (std::size_t i = 0; i < before.size(); ++i)
     if (!before[i].first.ends_with("force, percent of range")) {
       EXPECT_GT(before[i].second, 5) << before[i].first;
     }
-  for (const auto& [name, rms] : residuals->summary(result.model, {.simulation = coarse}))
+  for (const auto& [name, rms] : residuals->summary(result.model, {.simulation = fine}))
     EXPECT_LT(rms, 0.5) << name;
   // What two loops of a free specimen cannot tell is said.
   for (const auto& p : result.parameters)
@@ -286,10 +288,10 @@ TEST(BaseSearch, FindsTheMeanFieldThatTheBaseLacks) {
   truth.material.barrier *= 1.5;
   truth.material.remanent_polarization = 0.35;
   truth.effects = {{"mean_field_interaction", {{"coefficient", 2e6}}}};
-  auto loops = loops_at_two_rates(truth);
+  auto loops = loops_at_two_rates(truth, fine);
   auto lower = loop();
   for (auto& e : lower.field) e *= 0.6;
-  loops.push_back(measured_on(truth, lower, coarse));
+  loops.push_back(measured_on(truth, lower, fine));
   loops.back().header.past = {protocols::PastKind::poled_plus};
   std::vector<RecordingData> data;
   for (auto& r : loops) {
@@ -298,15 +300,15 @@ TEST(BaseSearch, FindsTheMeanFieldThatTheBaseLacks) {
   }
   const auto found = inference::search_bases(
       free_specimen_model(), {&find_effect("mean_field_interaction"), &find_effect("electrostriction")}, data,
-      {.threads = 2, .simulation = coarse, .tick = [](const std::string&, double) {}});
+      {.threads = 2, .simulation = fine, .tick = [](const std::string&, double) {}});
   ASSERT_EQ(found.size(), 2U);  // the base alone, and with the one effect of the kinetics
   EXPECT_EQ(found[0].effect, nullptr);
   ASSERT_NE(found[1].effect, nullptr);
   EXPECT_EQ(found[1].effect->id, "mean_field_interaction");
-  EXPECT_LT(found[1].squares, 0.2 * found[0].squares);
+  EXPECT_LT(found[1].squares, 0.1 * found[0].squares);
   // What three loops tell of it: spreads of fields and stresses take up a part.
   const double coefficient = get_parameter(found[1].model, "effects.mean_field_interaction.coefficient");
-  EXPECT_GT(coefficient, 1e6);
+  EXPECT_GT(coefficient, 0.7e6);
   EXPECT_LT(coefficient, 4e6);
 }
 

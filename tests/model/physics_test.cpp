@@ -283,6 +283,47 @@ TEST(FastWells, StayInEquilibrium) {
   }
 }
 
+// Loops of a free specimen whose mean field makes them steep, up to vertical, against tiny steps.
+TEST(Steps, KeepToTheToleranceInAMeanField) {
+  auto model = library_model("soft-pzt");
+  model.load = {};
+  model.material.relaxation_time = 1e-3;
+  model.material.barrier *= 1.5;
+  model.material.remanent_polarization = 0.35;
+  const double range = 2 * model.material.remanent_polarization;
+  double most = 0, logarithms = 0;
+  int count = 0;
+  for (const double duration : {1.0, 12.0, 300.0}) {
+    const std::array<double, 4> knot_time{0, 0.25 * duration, 0.75 * duration, duration},
+        knot_field{0, -2e6, 2e6, 0};
+    std::vector<double> time;
+    for (int i = 1; i < 500; ++i) time.push_back(duration * i / 500);
+    const auto polarization = [&](double tolerance) {
+      std::vector<double> out(time.size());
+      ChannelSpans spans;
+      spans.polarization = out;
+      simulate_at(model, knot_time, knot_field, time, spans, {.tolerance = tolerance, .domains = 500});
+      return out;
+    };
+    for (const double coefficient : {5e5, 1e6, 1.5e6, 2e6, 2.5e6, 3e6}) {
+      model.effects = {{"mean_field_interaction", {{"coefficient", coefficient}}}};
+      const auto exact = polarization(1e-8);
+      for (const double tolerance : {1e-3, 3e-4, 1e-4, 1e-5}) {
+        const auto found = polarization(tolerance);
+        double squares = 0;
+        for (std::size_t i = 0; i < exact.size(); ++i) squares += std::pow((found[i] - exact[i]) / range, 2);
+        const double error = std::sqrt(squares / static_cast<double>(exact.size())) / tolerance;
+        EXPECT_LT(error, 40) << coefficient << " V m/C, " << duration << " s, tolerance " << tolerance;
+        most = std::max(most, error);
+        logarithms += std::log(error);
+        ++count;
+      }
+    }
+  }
+  EXPECT_GT(most, 3);  // the loops are hard
+  EXPECT_LT(std::exp(logarithms / count), 1.5);
+}
+
 TEST(Steps, ConvergeAsTheToleranceFalls) {
   for (const bool poly : {false, true}) {
     auto model = poly ? library_model("soft-pzt") : crystal();
