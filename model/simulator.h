@@ -15,7 +15,7 @@ namespace ferrobench::model {
 struct SimulationOptions {
   // Largest error of the mean polarization and strain from stepping in time, as a share of their switching
   // range (2 P_r and |eps_90|). Where a mean field makes loops all but vertical, what is off is when they
-  // switch, and the error (rms) is up to 40 times this: 1.6 % at 1e-3, 0.3 % at 1e-4.
+  // switch, and the error (rms) is up to 40 times this: 1.1 % at 1e-3, 0.3 % at 1e-4.
   double tolerance = 1e-4;
   // Nodes of the domain distribution; 0 chooses enough for `tolerance`.
   int domains = 0;
