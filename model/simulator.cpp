@@ -22,8 +22,9 @@ constexpr double late_at_the_end = 1.0 / 24;
 // 18 loops in mean fields of 0.5 to 3e6 V m/C is the tolerance in the (geometric) mean, 30 times that where a
 // loop is all but vertical. Without it they are 7 and 230 times, with 20 half as much in 1.2 times the steps.
 constexpr double growth_in_feedback = 10;
-// A field that moves ln(rate) by this is no way at all: in a hold any feedback would be more than nothing.
-constexpr double nothing = 0.1;
+// In a hold the applied field does not move, and any feedback would count in full. A feedback that moves
+// ln(rate) by less than this counts by its share of it.
+constexpr double least_way_of_rates = 0.1;
 
 // After so many rejections in a row a step is a few thousandths of what was tried first, so that it is not
 // its length that keeps the loads from being found.
@@ -163,7 +164,7 @@ double Simulator::State::growth(const Trial<double>& trial) const {
   const double added = added_for_rates(trial.h, trial.end) - added_for_rates(0, material);
   const auto order = [](const MeansOf<double>& m) { return m.plus - m.minus; };
   if (added * (order(trial.means) - order(means)) <= 0) return 1;
-  const double driven = std::abs(trial.monitor - monitor) + nothing * field_scale();
+  const double driven = std::abs(trial.monitor - monitor) + least_way_of_rates * field_scale();
   return 1 + growth_in_feedback * std::min(1.0, std::abs(added) / driven);
 }
 
