@@ -1,6 +1,6 @@
 # What building and testing need on Debian 12, and how to get it. Sourced by server/demo.sh and tests/run.sh.
 build_packages="cmake ninja-build g++ ccache git ca-certificates pkg-config
-  nlohmann-json3-dev libboost-dev libspdlog-dev libfmt-dev libcli11-dev libhdf5-dev zlib1g-dev libeigen3-dev libceres-dev libhwy-dev
+  nlohmann-json3-dev libboost-dev libspdlog-dev libfmt-dev libcli11-dev libhdf5-dev zlib1g-dev libeigen3-dev libhwy-dev
   libpagmo-dev libtbb-dev libusb-1.0-0-dev libssl-dev libcurl4-openssl-dev libsystemd-dev libsqlite3-dev prometheus-cpp-dev
   gnuplot-nox dpkg-dev file"
 test_packages="libgtest-dev libgmock-dev librapidcheck-dev libsundials-dev libbenchmark-dev

@@ -2,7 +2,6 @@
 include(CMakeFindDependencyMacro)
 find_dependency(nlohmann_json)
 find_dependency(Eigen3)
-find_dependency(Ceres)
 find_dependency(Pagmo)
 find_dependency(TBB)
 find_dependency(fmt)

@@ -22,24 +22,43 @@ struct UnitCube {
   void serialize(Archive&, unsigned) {}
 };
 
+constexpr double narrowest = 1e-6;  // of the population in any direction
+
 }  // namespace
 
-GlobalMinimum global_search(std::size_t dimensions,
-                            const std::function<double(std::span<const double>)>& objective,
-                            const GlobalSearchOptions& options) {
+struct GlobalSearch::State {
+  std::function<double(std::span<const double>)> objective;
+  pagmo::cmaes strategy;  // with its memory of the generations before
+  pagmo::population population;
+};
+
+GlobalSearch::GlobalSearch(std::size_t dimensions, std::function<double(std::span<const double>)> objective,
+                           const GlobalSearchOptions& options)
+    : state_(std::make_unique<State>()) {
   const auto seed = static_cast<unsigned>(options.seed);
-  constexpr double narrowest = 1e-6;  // of the population in any direction
-  pagmo::population population{pagmo::problem{UnitCube{&objective, dimensions}},
-                               static_cast<pagmo::population::size_type>(
-                                   std::max(1, options.population - static_cast<int>(options.places.size()))),
-                               seed};
-  for (const auto& place : options.places) population.push_back(place);
-  const pagmo::algorithm evolution{pagmo::cmaes(static_cast<unsigned>(options.generations), -1, -1, -1, -1,
-                                                options.step, options.tolerance, narrowest, false, true,
-                                                seed)};
-  population = evolution.evolve(population);
-  return {population.champion_x(), population.champion_f()[0],
-          static_cast<int>(population.get_problem().get_fevals())};
+  state_->objective = std::move(objective);
+  state_->strategy =
+      pagmo::cmaes(1, -1, -1, -1, -1, options.step, options.tolerance, narrowest, true, true, seed);
+  const int drawn = std::max(1, options.population - static_cast<int>(options.places.size()));
+  state_->population = pagmo::population{pagmo::problem{UnitCube{&state_->objective, dimensions}},
+                                         static_cast<pagmo::population::size_type>(drawn), seed};
+  for (const auto& place : options.places) state_->population.push_back(place);
+}
+GlobalSearch::~GlobalSearch() = default;
+GlobalSearch::GlobalSearch(GlobalSearch&&) noexcept = default;
+GlobalSearch& GlobalSearch::operator=(GlobalSearch&&) noexcept = default;
+
+void GlobalSearch::advance(int generations) {
+  for (int i = 0; i < generations; ++i) {
+    const auto before = state_->population.get_problem().get_fevals();
+    state_->population = state_->strategy.evolve(state_->population);
+    if (state_->population.get_problem().get_fevals() == before) return;  // by the tolerance
+  }
+}
+
+GlobalMinimum GlobalSearch::best() const {
+  const auto& p = state_->population;
+  return {p.champion_x(), p.champion_f()[0], static_cast<int>(p.get_problem().get_fevals())};
 }
 
 }  // namespace ferrobench::model

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -13,7 +14,6 @@ namespace ferrobench::model {
 
 struct GlobalSearchOptions {
   int population = 20;      // of a generation; about 4 + 3 ln(dimensions) is the literature's least
-  int generations = 200;    // at most
   double step = 0.3;        // first standard deviation: the cube's own is 0.29
   double tolerance = 1e-3;  // ends once a generation's values are no further apart than this
   std::uint64_t seed = 1;
@@ -26,9 +26,24 @@ struct GlobalMinimum {
   int evaluations = 0;
 };
 
-// The best of the first generation is where the others begin. `objective` may throw, which ends the search.
-GlobalMinimum global_search(std::size_t dimensions,
-                            const std::function<double(std::span<const double>)>& objective,
-                            const GlobalSearchOptions& options);
+class GlobalSearch {
+ public:
+  // Evaluates the first generation, whose best is where the others begin. `objective` may throw, which ends
+  // the search.
+  GlobalSearch(std::size_t dimensions, std::function<double(std::span<const double>)> objective,
+               const GlobalSearchOptions& options);
+  ~GlobalSearch();
+  GlobalSearch(GlobalSearch&&) noexcept;
+  GlobalSearch& operator=(GlobalSearch&&) noexcept;
+
+  // So many generations more, at most; what was learned by those before is kept.
+  void advance(int generations);
+  // Of the present generation.
+  GlobalMinimum best() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 }  // namespace ferrobench::model

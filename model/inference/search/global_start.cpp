@@ -1,77 +1,69 @@
 #include "model/inference/search/global_start.h"
 
 #include <cmath>
-#include <limits>
-
-#include "model/inference/residuals/separable.h"
-#include "model/inference/search/global_search.h"
+#include <utility>
 
 namespace ferrobench::model {
 namespace {
 
+constexpr int generations_of_half = 50;
 // What the search sees where a model cannot be simulated.
 constexpr double unsolvable = 1e9;
 
-// A model in the unit cube of the parameters that are searched, with its sum of squares.
-struct Place {
-  std::optional<Model> model;
-  double squares = unsolvable;
-};
-
-std::optional<Model> search(std::size_t dimensions, const std::function<Place(std::span<const double>)>& at,
-                            const GlobalSearchOptions& how, const GlobalStartOptions& options) {
-  double best = std::numeric_limits<double>::infinity();
-  const auto found = global_search(
-      dimensions,
-      [&](std::span<const double> unit) {
-        if (options.count) options.count();
-        const auto place = at(unit);
-        if (place.model && options.better && place.squares < best) {
-          best = place.squares;
-          options.better(*place.model, best);
-        }
-        return place.squares;
-      },
-      how);
-  return at(found.at).model;
-}
-
 }  // namespace
 
-std::optional<Model> global_start(const Model& start, const ResidualModel& residuals,
-                                  const GlobalStartOptions& options) {
-  GlobalSearchOptions how;
-  how.seed = options.seed;
-  if (const auto separable = residuals.separable(start, options.free)) {
-    for (const auto& m : options.first) how.places.push_back(separable->place(m));
-    const auto at = [&](std::span<const double> unit) -> Place {
-      auto point = separable->at(unit, options.fidelity);
-      if (!point || !std::isfinite(point->squares)) return {};
-      return {std::move(point->model), point->squares};
-    };
-    return search(separable->dimensions(), at, how, options);
+GlobalStart::GlobalStart(const Model& start, const ResidualModel& residuals, GlobalStartOptions options)
+    : start_(start),
+      residuals_(residuals),
+      options_(std::move(options)),
+      separable_(residuals.separable(start, options_.free)) {}
+
+void GlobalStart::advance() {
+  if (!search_) {
+    GlobalSearchOptions how{.seed = options_.seed};
+    for (const auto& m : options_.first) {
+      auto& place = how.places.emplace_back();
+      if (separable_)
+        place = separable_->place(m);
+      else
+        for (const auto& p : options_.free) place.push_back(to_unit(p, get_parameter(m, p.path)));
+    }
+    search_.emplace(
+        separable_ ? separable_->dimensions() : options_.free.size(),
+        [this](std::span<const double> unit) { return look(unit); }, how);
   }
-  // Nothing is eliminated: there are more dimensions to learn.
-  how.generations *= 2;
-  for (const auto& m : options.first) {
-    auto& place = how.places.emplace_back();
-    for (const auto& p : options.free) place.push_back(to_unit(p, get_parameter(m, p.path)));
-  }
-  const auto at = [&](std::span<const double> unit) -> Place {
-    Model m = start;
-    for (std::size_t i = 0; i < unit.size(); ++i)
-      set_parameter(m, options.free[i].path, from_unit(options.free[i], unit[i]));
-    std::vector<double> r(residuals.size());
-    if (residuals.evaluate(m, options.fidelity, r) == Solved::no) return {};
-    const double squares = sum_of_squares(r);
-    if (!std::isfinite(squares)) return {};
-    return {std::move(m), squares};
-  };
-  return search(options.free.size(), at, how, options);
+  // Where nothing is eliminated there are more dimensions to learn.
+  search_->advance(separable_ ? generations_of_half : 2 * generations_of_half);
 }
 
-int most_simulations_of_a_global_start() {
-  return GlobalSearchOptions{}.population * GlobalSearchOptions{}.generations;
+double GlobalStart::look(std::span<const double> unit) {
+  if (options_.count) options_.count();
+  auto place = at(unit);
+  if (!place.model || !std::isfinite(place.squares)) return unsolvable;
+  if (place.squares < squares_) {
+    best_ = std::move(place.model);
+    squares_ = place.squares;
+    if (options_.better) options_.better(*best_, squares_);
+  }
+  return place.squares;
+}
+
+GlobalStart::Place GlobalStart::at(std::span<const double> unit) const {
+  if (separable_) {
+    auto point = separable_->at(unit, options_.fidelity);
+    if (!point) return {};
+    return {std::move(point->model), point->squares};
+  }
+  Model m = start_;
+  for (std::size_t i = 0; i < unit.size(); ++i)
+    set_parameter(m, options_.free[i].path, from_unit(options_.free[i], unit[i]));
+  std::vector<double> r(residuals_.size());
+  if (residuals_.evaluate(m, options_.fidelity, r) == Solved::no) return {};
+  return {std::move(m), sum_of_squares(r)};
+}
+
+int most_simulations_of_half_a_search() {
+  return GlobalSearchOptions{}.population * generations_of_half;
 }
 
 }  // namespace ferrobench::model

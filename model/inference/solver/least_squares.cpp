@@ -1,65 +1,24 @@
 #include "model/inference/solver/least_squares.h"
 
-#include <ceres/ceres.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
-#include <exception>
+#include <cmath>
 #include <limits>
+
+#include "model/inference/solver/bounded_quadratic.h"
 
 namespace ferrobench::model {
 namespace {
 
-class Cost final : public ceres::CostFunction {
- public:
-  Cost(std::size_t residuals, std::size_t parameters, const ResidualFunction& function,
-       const LeastSquaresOptions& options, std::exception_ptr& thrown)
-      : function_(function), options_(options), thrown_(thrown) {
-    set_num_residuals(static_cast<int>(residuals));
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(parameters));
-  }
-
-  // Exceptions do not travel through the solver: they end it, and are thrown again behind it.
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    if (thrown_) return false;
-    try {
-      const auto rows = static_cast<std::size_t>(num_residuals());
-      const std::span<const double> at(parameters[0], static_cast<std::size_t>(parameter_block_sizes()[0]));
-      const bool wanted = jacobians != nullptr && jacobians[0] != nullptr;
-      Eigen::MatrixXd slopes;
-      const bool exact = wanted && options_.slopes && options_.slopes(at, {residuals, rows}, slopes);
-      if (!exact && !function_(at, {residuals, rows})) return false;
-      if (!wanted) return true;
-      const Eigen::Map<Eigen::VectorXd> middle(residuals, num_residuals());
-      if (!exact) slopes = jacobian(middle, at, function_, options_.difference);
-      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-          jacobians[0], slopes.rows(), slopes.cols()) = slopes;
-      return true;
-    } catch (...) {
-      thrown_ = std::current_exception();
-      return false;
-    }
-  }
-
- private:
-  const ResidualFunction& function_;
-  const LeastSquaresOptions& options_;
-  std::exception_ptr& thrown_;
-};
-
-class Follow final : public ceres::IterationCallback {
- public:
-  Follow(const LeastSquaresOptions& options, const std::vector<double>& at) : options_(options), at_(at) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& s) override {
-    if (s.step_is_successful && options_.progress) options_.progress(2 * s.cost, at_);
-    return ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const LeastSquaresOptions& options_;
-  const std::vector<double>& at_;
-};
+// Damping, in shares of the diagonal of J^T J: of the first step; where nothing is left to be gained by less
+// of it, or by more.
+constexpr double first_damping = 1e-2, least_damping = 1e-9, most_damping = 1e8;
+// A step is taken if it gains this share of what the linear model promises.
+constexpr double enough_gained = 1e-3;
+// What a parameter without any slope is held by, in shares of the largest diagonal element.
+constexpr double least_of_diagonal = 1e-12;
 
 }  // namespace
 
@@ -89,28 +48,53 @@ Eigen::MatrixXd jacobian(const Eigen::VectorXd& middle, std::span<const double> 
 
 LeastSquaresResult least_squares(std::size_t residuals, const std::vector<double>& start,
                                  const ResidualFunction& function, const LeastSquaresOptions& options) {
+  const auto n = static_cast<Eigen::Index>(start.size());
   LeastSquaresResult out{.at = start, .squares = std::numeric_limits<double>::infinity()};
-  if (std::vector<double> first(residuals); !function(start, first))
-    return out;  // where Ceres would complain to the standard error output
-  std::exception_ptr thrown;
-  ceres::Problem problem;
-  problem.AddResidualBlock(new Cost(residuals, start.size(), function, options, thrown), nullptr,
-                           out.at.data());
-  for (int i = 0; i < static_cast<int>(start.size()); ++i) {
-    problem.SetParameterLowerBound(out.at.data(), i, 0);
-    problem.SetParameterUpperBound(out.at.data(), i, 1);
+  Eigen::VectorXd residual(static_cast<Eigen::Index>(residuals)), moved = residual;
+  Eigen::MatrixXd slopes;
+  const auto with_slopes = [&](std::span<const double> at) {
+    const std::span<double> rows(residual.data(), residuals);
+    if (options.slopes && options.slopes(at, rows, slopes)) return true;
+    if (!function(at, rows)) return false;
+    slopes = jacobian(residual, at, function, options.difference);
+    return true;
+  };
+  const auto take = [&](std::vector<double> at) {
+    out = {std::move(at), residual.squaredNorm()};
+    if (options.progress) options.progress(out.squares, out.at);
+  };
+  if (!with_slopes(start)) return out;
+  take(start);
+  double damping = first_damping, growth = 2;
+  for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
+    const Eigen::MatrixXd normal = slopes.transpose() * slopes;
+    const Eigen::VectorXd gradient = slopes.transpose() * residual;
+    Eigen::MatrixXd damped = normal;
+    damped.diagonal() += damping * normal.diagonal();
+    damped.diagonal().array() += least_of_diagonal * normal.diagonal().maxCoeff();
+    const Eigen::Map<const Eigen::VectorXd> at(out.at.data(), n);
+    const Eigen::VectorXd step =
+        inference::bounded_minimum(damped, gradient, -at, Eigen::VectorXd::Ones(n) - at);
+    const double promised = -step.dot(2 * gradient + normal * step);
+    if (!(promised > options.tolerance * out.squares)) break;
+    std::vector<double> there(start.size());
+    Eigen::Map<Eigen::VectorXd>(there.data(), n) = (at + step).cwiseMax(0).cwiseMin(1);
+    const double gained = function(there, {moved.data(), residuals})
+                              ? out.squares - moved.squaredNorm()
+                              : -std::numeric_limits<double>::infinity();
+    if (!(gained > enough_gained * promised)) {
+      damping *= growth;
+      growth *= 2;
+      continue;
+    }
+    if (!with_slopes(there)) break;
+    const double before = out.squares;
+    take(std::move(there));
+    if (gained < options.tolerance * before) break;
+    damping *= std::max(1.0 / 3, 1 - std::pow(2 * gained / promised - 1, 3));
+    damping = std::max(damping, least_damping);
+    growth = 2;
   }
-  Follow follow(options, out.at);
-  ceres::Solver::Options solver;
-  solver.max_num_iterations = options.iterations;
-  solver.function_tolerance = options.tolerance;
-  solver.logging_type = ceres::SILENT;
-  solver.update_state_every_iteration = true;
-  solver.callbacks.push_back(&follow);
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  if (thrown) std::rethrow_exception(thrown);
-  if (!summary.iterations.empty()) out.squares = 2 * summary.final_cost;
   return out;
 }
 

@@ -1,7 +1,10 @@
-// Bounded nonlinear least squares: Levenberg-Marquardt in a trust region, in coordinates that run from 0 to 1
-// between a parameter's bounds. Parts whose standard deviation is not known are weighed again at every step
-// by what they leave (iteratively reweighted least squares: P. J. Green, J. R. Statist. Soc. B 46 (1984)
-// 149).
+// Bounded nonlinear least squares, in coordinates that run from 0 to 1 between a parameter's bounds:
+// Levenberg-Marquardt (Nocedal and Wright, Numerical Optimization, ch. 10), each step s the minimum of
+//
+//   |r + J s|^2 + damping s^T diag(J^T J) s   between the bounds (solver/bounded_quadratic.h)
+//
+// with the damping by how much of the promised gain was had (H. B. Nielsen, Damping parameter in Marquardt's
+// method, IMM-REP-1999-05).
 #pragma once
 
 #include <Eigen/Dense>
@@ -12,7 +15,7 @@
 namespace ferrobench::model {
 
 // False where the residuals cannot be had: a step there is shortened. May throw, which ends the solution.
-// Called from several threads at once.
+// For differences it is called from several threads at once.
 using ResidualFunction = std::function<bool(std::span<const double> unit, std::span<double> out)>;
 // The same with d residual / d coordinate.
 using SlopeFunction =
@@ -25,9 +28,9 @@ struct LeastSquaresOptions {
   // a domain's own field, which a difference has to be wide against.
   double difference = 3e-3;
   // Exact slopes; without them, or where they cannot be had, differences are taken.
-  SlopeFunction slopes;
+  SlopeFunction slopes{};
   // Called with the sum of squares and the place at the start and after each step that gained.
-  std::function<void(double squares, std::span<const double> at)> progress;
+  std::function<void(double squares, std::span<const double> at)> progress{};
 };
 
 struct LeastSquaresResult {

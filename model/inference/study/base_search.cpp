@@ -4,7 +4,8 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
-#include <optional>
+#include <memory>
+#include <utility>
 
 #include "model/inference/common/parallel.h"
 #include "model/inference/residuals/separable.h"
@@ -14,10 +15,10 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// Effects that go on to least squares after the search.
+// Effects that are searched to the end, and from which least squares go on.
 constexpr std::size_t refined = 2;
 // Steps of least squares: fewer than a fit takes, since what is accepted is fitted again.
-constexpr int iterations = 12;
+constexpr int iterations = 30;
 // Programs within this of each other, in duration and in reach, are alike.
 constexpr double alike = 0.1;
 
@@ -43,10 +44,15 @@ struct Program {
 
 struct Begun {
   const Effect* effect = nullptr;
-  Model model;
-  std::optional<Model> found{};
-  double squares = 0;
+  std::unique_ptr<const Model> model;  // stays where it is: the search refers to it
+  std::unique_ptr<GlobalStart> search{};
+  double squares() const { return search->squares(); }
 };
+
+// The base alone, then effects by what they leave.
+std::pair<bool, double> by_squares(const Begun& b) {
+  return {b.effect != nullptr, b.squares()};
+}
 
 class BaseSearch {
  public:
@@ -64,15 +70,18 @@ class BaseSearch {
   }
 
   std::vector<SearchedBase> run(std::vector<Begun> all) {
-    expected_ = static_cast<double>(all.size()) * most_simulations_of_a_global_start();
-    in_parallel(all.size(), options_.threads, [&](std::size_t i) { search(all[i]); });
-    const auto alone = all.front();
+    const auto most = refined + 1;
+    expected_ =
+        static_cast<double>(all.size() + std::min(all.size(), most)) * most_simulations_of_half_a_search();
+    for (auto& b : all) b.search = search(*b.model);
+    advance(all);
+    all.resize(std::min(all.size(), most));
+    advance(all);
+    // What an effect's search found that is worse than the base alone is of no use.
+    const double alone = all.front().squares();
     std::erase_if(all, [&](const Begun& b) {
-      return !b.found || (b.effect != nullptr && alone.found && b.squares >= alone.squares);
+      return !b.search->best() || (b.effect != nullptr && b.squares() >= alone);
     });
-    std::ranges::stable_sort(all, {},
-                             [](const Begun& b) { return std::pair(b.effect != nullptr, b.squares); });
-    all.resize(std::min(all.size(), refined + (alone.found ? 1 : 0)));
     std::vector<SearchedBase> out(all.size());
     in_parallel(all.size(), options_.threads, [&](std::size_t i) { out[i] = refine(all[i]); });
     std::erase_if(out, [](const SearchedBase& b) { return !std::isfinite(b.squares); });
@@ -82,23 +91,26 @@ class BaseSearch {
   }
 
  private:
-  void search(Begun& begun) {
-    begun.found = global_start(begun.model, *residuals_,
-                               {.free = default_free_parameters(begun.model),
-                                .fidelity = coarse_,
-                                .first = {begun.model},
-                                .seed = options_.seed,
-                                .count =
-                                    [&] {
-                                      options_.tick("searching the whole range of the base model",
-                                                    0.7 * std::min(1.0, ++done_ / expected_));
-                                    },
-                                .better = [&](const Model&, double squares) { begun.squares = squares; }});
+  std::unique_ptr<GlobalStart> search(const Model& from) {
+    return std::make_unique<GlobalStart>(
+        from, *residuals_,
+        GlobalStartOptions{.free = default_free_parameters(from),
+                           .fidelity = coarse_,
+                           .first = {from},
+                           .seed = options_.seed,
+                           .count = [this] {
+                             options_.tick("searching the whole range of the base model",
+                                           0.7 * std::min(1.0, ++done_ / expected_));
+                           }});
+  }
+  void advance(std::vector<Begun>& all) const {
+    in_parallel(all.size(), options_.threads, [&](std::size_t i) { all[i].search->advance(); });
+    std::ranges::stable_sort(all, {}, by_squares);
   }
 
   SearchedBase refine(const Begun& begun) const {
     FitOptions how;
-    how.free = default_free_parameters(begun.model);
+    how.free = default_free_parameters(*begun.model);
     how.starts = 1;
     how.iterations = iterations;
     how.simulation = options_.simulation;
@@ -109,12 +121,12 @@ class BaseSearch {
       return true;
     };
     try {
-      auto fitted = fit(*begun.found, *residuals_, how);
+      auto fitted = fit(*begun.search->best(), *residuals_, how);
       return {begun.effect, std::move(fitted.model), fitted.cost_after};
     } catch (const Error& failure) {
       // What the coarse simulation of the search could solve, the fine one cannot.
       if (failure.code() != ErrorCode::numerical) throw;
-      return {begun.effect, begun.model, std::numeric_limits<double>::infinity()};
+      return {begun.effect, *begun.model, std::numeric_limits<double>::infinity()};
     }
   }
 
@@ -130,11 +142,13 @@ class BaseSearch {
 std::vector<SearchedBase> search_bases(const Model& base, const std::vector<const Effect*>& candidates,
                                        const std::vector<RecordingData>& recordings,
                                        const BaseSearchOptions& options) {
-  std::vector<Begun> all{{.effect = nullptr, .model = base}};
+  std::vector<Begun> all;
+  all.push_back({.effect = nullptr, .model = std::make_unique<Model>(base)});
   for (const auto* effect : candidates) {
     if (effect->family != Family::kinetics) continue;
-    all.push_back({.effect = effect, .model = base});
-    all.back().model.effects.push_back(plausible(*effect));
+    auto with = std::make_unique<Model>(base);
+    with->effects.push_back(plausible(*effect));
+    all.push_back({.effect = effect, .model = std::move(with)});
   }
   BaseSearch search(recordings, options);
   if (!search.is_separable(base)) return {};

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <span>
 #include <tuple>
 
@@ -18,8 +19,10 @@
 namespace ferrobench::model {
 namespace {
 
-// Steps of least squares from each start before the best are chosen.
+// Steps of least squares from each start before pasts are chosen anew.
 constexpr int first_steps = 5;
+// Of the least sum of squares that a search found: what leaves more is in no valley as deep.
+constexpr double worth_solving = 4;
 // Before anything is known of the specimen.
 const PastChoice likeliest_at_start{.fidelity = {}, .heights_are_free = true},
     cycled_at_start{.fidelity = {}, .heights_are_free = true, .cycled_alone = true};
@@ -59,7 +62,7 @@ class Study {
       if (choose(given, first_models(), likeliest_at_start)) best = given = evaluate(given, fine_);
       if (options_.starts > 1) best = best_start(given);
       watch_.stage("solving", options_.starts > 1 ? 0.6 : 0, 0.95, 2 * solution());
-      if (options_.starts == 1 || options_.refined == 1) best = solve(best, middle_, options_.iterations);
+      if (options_.starts == 1) best = solve(best, middle_, options_.iterations);
       for (int round = 0; round < rounds && better_pasts(best, middle_, 1e-6); ++round) {
       }
       best = solve(best, fine_, options_.iterations, 1e-4);
@@ -204,19 +207,19 @@ class Study {
     return out;
   }
 
-  FitCandidate search(const std::shared_ptr<const ResidualModel>& residuals, std::uint64_t seed,
-                      const std::vector<Model>& models) {
-    const auto found = global_start(start_, *residuals,
-                                    {.free = options_.free,
-                                     .fidelity = coarse_,
-                                     .first = models,
-                                     .seed = seed,
-                                     .count = [this] { watch_.count(); },
-                                     .better =
-                                         [&](const Model& m, double squares) {
-                                           watch_.keep({residuals, unit_of(m), squares});
-                                         }});
-    return found ? evaluate({residuals, unit_of(*found)}, coarse_) : FitCandidate{};
+  GlobalStart search(const std::shared_ptr<const ResidualModel>& residuals, std::uint64_t seed,
+                     const std::vector<Model>& models) {
+    return {start_,
+            *residuals,
+            {.free = options_.free,
+             .fidelity = coarse_,
+             .first = models,
+             .seed = seed,
+             .count = [this] { watch_.count(); },
+             .better =
+                 [this, residuals](const Model& m, double squares) {
+                   watch_.keep({residuals, unit_of(m), squares});
+                 }}};
   }
 
   // Pasts that searches begin with, in turn: the likeliest and, as these were chosen before anything is known
@@ -228,28 +231,51 @@ class Study {
     return {given.residuals, cycled.residuals};
   }
 
-  FitCandidate best_start(const FitCandidate& given) {
-    const auto models = first_models();
+  // What global searches find: of all after half of their way, the best go on.
+  std::vector<FitCandidate> searched(const FitCandidate& given, const std::vector<Model>& models) {
     const auto pasts = first_pasts(given, models);
     const auto searches = static_cast<std::size_t>(options_.starts - 1);
-    std::vector<FitCandidate> found(searches);
-    watch_.stage("searching", 0, 0.4, static_cast<int>(searches) * most_simulations_of_a_global_start());
-    tbb::parallel_for(std::size_t{0}, searches, [&](std::size_t i) {
-      found[i] = search(pasts[i % pasts.size()], options_.seed * 1000 + i, models);
-    });
-    for (const auto& m : models) found.push_back({given.residuals, unit_of(m)});
-    watch_.stage(
-        "solving from each start", 0.4, 0.6,
-        static_cast<int>(found.size()) * first_steps * 2 * parameters() + options_.refined * solution());
-    // A few steps tell which start leads farthest down; those of them go on.
+    const auto refined = std::min(searches, static_cast<std::size_t>(options_.refined));
+    watch_.stage("searching", 0, 0.4,
+                 static_cast<int>(searches + refined) * most_simulations_of_half_a_search());
+    struct Start {
+      std::shared_ptr<const ResidualModel> residuals;
+      std::unique_ptr<GlobalStart> search;
+    };
+    std::vector<Start> all;
+    for (std::size_t i = 0; i < searches; ++i) {
+      const auto& residuals = pasts[i % pasts.size()];
+      all.push_back(
+          {residuals, std::make_unique<GlobalStart>(search(residuals, options_.seed * 1000 + i, models))});
+    }
+    const auto advance = [&] {
+      tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { all[i].search->advance(); });
+      std::ranges::stable_sort(all, {}, [](const Start& s) { return s.search->squares(); });
+    };
+    advance();
+    all.resize(refined);
+    advance();
+    std::vector<FitCandidate> out;
+    for (const auto& s : all)
+      if (s.search->best()) out.push_back({s.residuals, unit_of(*s.search->best()), s.search->squares()});
+    return out;
+  }
+
+  FitCandidate best_start(const FitCandidate& given) {
+    const auto models = first_models();
+    auto found = searched(given, models);
+    // The models that the searches began with, where these have not left them far behind.
+    const double best = found.empty() ? std::numeric_limits<double>::infinity() : found.front().squares;
+    for (const auto& m : models)
+      if (auto c = evaluate({given.residuals, unit_of(m)}, coarse_); c.squares <= worth_solving * best)
+        found.push_back(std::move(c));
+    watch_.stage("solving from each start", 0.4, 0.6,
+                 static_cast<int>(found.size()) * (first_steps * 2 * parameters() + solution()));
     for (auto& c : found) {
       c = solve(c, middle_, first_steps);
       if (choose_anew(c)) c = solve(c, middle_, first_steps);
+      c = solve(c, middle_, options_.iterations);
     }
-    std::ranges::sort(found, {}, &FitCandidate::squares);
-    found.resize(std::min(found.size(), static_cast<std::size_t>(options_.refined)));
-    if (found.size() > 1)
-      for (auto& c : found) c = solve(c, middle_, options_.iterations);
     return *std::ranges::min_element(found, {}, &FitCandidate::squares);
   }
 

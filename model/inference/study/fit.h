@@ -4,9 +4,8 @@
 //   the whole
 //      range (search/global_search.h) by a coarse simulation; where parameters enter linearly they are
 //      eliminated (residuals/separable.h)
-//   2. from each start nonlinear least squares (solver/least_squares.h), coarse
-//   3. from the best of these by a better simulation, and from the best of those by the one that is used
-//   everywhere
+//   2. from the best of these nonlinear least squares (solver/least_squares.h), by a better simulation
+//   3. from the best of those by the simulation that is used everywhere
 //   4. uncertainty from the slopes there (solver/covariance.h)
 //
 // A recording that does not say what its specimen had been through is given the likeliest past
@@ -42,7 +41,7 @@ struct FitOptions {
   // 1: least squares from the model given alone. More: global searches, one less than this, and what the data
   // show.
   int starts = 6;
-  int refined = 3;      // starts from which the better simulation is tried
+  int refined = 2;      // searches that go on after half of their way (search/global_start.h)
   int iterations = 30;  // of each least-squares solution, at most
   std::uint64_t seed = 1;
   // On the loops of a ceramic, which the model misses by 5 to 10 % of the range in each channel, root of the
