@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "model/inference/solver/bounded_quadratic.h"
+
 namespace ferrobench::model::inference {
 namespace {
 
@@ -43,9 +45,21 @@ Eigen::VectorXd curvature(const WhitenedResiduals& residuals, const Fit& fit, co
   return out;
 }
 
+// The Gauss-Newton step between the ends of the parameters' ranges. `normal` may be damped.
+Eigen::VectorXd step_within(const Fit& fit, const Eigen::MatrixXd& normal, const Eigen::VectorXd& gradient) {
+  Eigen::VectorXd low(fit.z.size()), high(fit.z.size());
+  for (Eigen::Index i = 0; i < fit.z.size(); ++i) {
+    const auto& c = fit.hypothesis.parameters[static_cast<std::size_t>(i)];
+    low[i] = std::min(0.0, c.low - fit.z[i]);
+    high[i] = std::max(0.0, c.high - fit.z[i]);
+  }
+  return bounded_minimum(normal, gradient, low, high);
+}
+
 // Of the sum of squares by a full Gauss-Newton step, were the residual linear.
-double decrease_by(const Eigen::MatrixXd& normal, const Eigen::VectorXd& gradient) {
-  return gradient.dot(normal.ldlt().solve(gradient));
+double decrease_by(const Fit& fit, const Eigen::MatrixXd& normal, const Eigen::VectorXd& gradient) {
+  const Eigen::VectorXd step = step_within(fit, normal, gradient);
+  return -step.dot(2 * gradient + normal * step);
 }
 
 bool may_reach(double squares, double wanted, double decrease) {
@@ -65,7 +79,7 @@ Step next_step(const WhitenedResiduals& residuals, const Fit& fit, const Eigen::
   Eigen::MatrixXd damped = normal;
   damped.diagonal() *= 1 + damping;
   const auto factor = damped.ldlt();
-  Eigen::VectorXd step = -factor.solve(gradient);
+  Eigen::VectorXd step = step_within(fit, damped, gradient);
   // No further at once than the model may be trusted to be nearly linear.
   if (const double longest = step.cwiseAbs().maxCoeff(); longest > 4) step *= 4 / longest;
   const Eigen::VectorXd slope = fit.jacobian * step, curve = curvature(residuals, fit, step, slope);
@@ -118,7 +132,7 @@ Eigen::VectorXd Fit::gradient() const {
 }
 
 double Fit::predicted_decrease() const {
-  return decrease_by(normal(), gradient());
+  return decrease_by(*this, normal(), gradient());
 }
 
 bool Fit::may_reach(double wanted, double trusted_decrease) const {
@@ -168,7 +182,7 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
     const Eigen::MatrixXd normal = out.normal();
     const Eigen::VectorXd gradient = out.gradient();
     if (out.fresh) {
-      const double decrease = decrease_by(normal, gradient);
+      const double decrease = decrease_by(out, normal, gradient);
       if (decrease < enough || !may_reach(out.squares, options.wanted, options.trusted_decrease * decrease))
         break;
     }

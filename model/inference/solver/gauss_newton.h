@@ -5,8 +5,9 @@
 //   constant)
 //
 // by Levenberg-Marquardt (Nocedal and Wright, Numerical Optimization, ch. 10) with the residuals' exact
-// slopes. Steps bend as the valley does (geodesic acceleration: Transtrum and Sethna,
-// arXiv:1201.5885): with J the slopes and K the second derivative along a step s, from one simulation ahead,
+// slopes, each step between the ends of the parameters' ranges (solver/bounded_quadratic.h). Steps bend as
+// the valley does (geodesic acceleration: Transtrum and Sethna, arXiv:1201.5885): with J the slopes and K the
+// second derivative along a step s, from one simulation ahead,
 //
 //   z(t) = z + t s - t^2 (J^T J + damping)^-1 J^T K / 2,   with the t where |r + t J s + t^2 ...|^2 is least
 #pragma once
