@@ -45,8 +45,6 @@ GlobalSearch::GlobalSearch(std::size_t dimensions, std::function<double(std::spa
   for (const auto& place : options.places) state_->population.push_back(place);
 }
 GlobalSearch::~GlobalSearch() = default;
-GlobalSearch::GlobalSearch(GlobalSearch&&) noexcept = default;
-GlobalSearch& GlobalSearch::operator=(GlobalSearch&&) noexcept = default;
 
 void GlobalSearch::advance(int generations) {
   for (int i = 0; i < generations; ++i) {

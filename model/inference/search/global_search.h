@@ -33,8 +33,8 @@ class GlobalSearch {
   GlobalSearch(std::size_t dimensions, std::function<double(std::span<const double>)> objective,
                const GlobalSearchOptions& options);
   ~GlobalSearch();
-  GlobalSearch(GlobalSearch&&) noexcept;
-  GlobalSearch& operator=(GlobalSearch&&) noexcept;
+  GlobalSearch(const GlobalSearch&) = delete;
+  GlobalSearch& operator=(const GlobalSearch&) = delete;
 
   // So many generations more, at most; what was learned by those before is kept.
   void advance(int generations);

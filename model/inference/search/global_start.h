@@ -31,11 +31,13 @@ class GlobalStart {
  public:
   // `start` gives what is not free. It and `residuals` outlive the search.
   GlobalStart(const Model& start, const ResidualModel& residuals, GlobalStartOptions options);
+  // The search that it holds calls it where it is.
+  GlobalStart(const GlobalStart&) = delete;
+  GlobalStart& operator=(const GlobalStart&) = delete;
 
-  // The first half of the search's generations, and the second. Where a search of these two stands after the
-  // first tells where it ends: of ten on the loops of a ceramic, the five best after it were among the six
-  // best in the end, and after a fifth of the generations nothing could be told. So the worse of several
-  // searches are left there.
+  // The first half of the search's generations, and the second. Where a search stands after the first tells
+  // something of where it ends: of ten with 200 generations on the loops of a ceramic, the five best after
+  // half of them held the two best of the end. So the worse of several searches are left there.
   void advance();
   // The best that was found; empty if none could be simulated.
   const std::optional<Model>& best() const { return best_; }

@@ -17,8 +17,6 @@ namespace {
 
 // Effects that are searched to the end, and from which least squares go on.
 constexpr std::size_t refined = 2;
-// Steps of least squares: fewer than a fit takes, since what is accepted is fitted again.
-constexpr int iterations = 30;
 // Programs within this of each other, in duration and in reach, are alike.
 constexpr double alike = 0.1;
 
@@ -44,7 +42,7 @@ struct Program {
 
 struct Begun {
   const Effect* effect = nullptr;
-  std::unique_ptr<const Model> model;  // stays where it is: the search refers to it
+  std::unique_ptr<const Model> model;  // which the search refers to
   std::unique_ptr<GlobalStart> search{};
   double squares() const { return search->squares(); }
 };
@@ -112,7 +110,6 @@ class BaseSearch {
     FitOptions how;
     how.free = default_free_parameters(*begun.model);
     how.starts = 1;
-    how.iterations = iterations;
     how.simulation = options_.simulation;
     how.simulation.domains = how.middle.domains;  // what is accepted is fitted again, more finely
     how.simulation.tolerance = how.middle.tolerance;

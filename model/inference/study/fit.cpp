@@ -207,19 +207,19 @@ class Study {
     return out;
   }
 
-  GlobalStart search(const std::shared_ptr<const ResidualModel>& residuals, std::uint64_t seed,
-                     const std::vector<Model>& models) {
-    return {start_,
-            *residuals,
-            {.free = options_.free,
-             .fidelity = coarse_,
-             .first = models,
-             .seed = seed,
-             .count = [this] { watch_.count(); },
-             .better =
-                 [this, residuals](const Model& m, double squares) {
-                   watch_.keep({residuals, unit_of(m), squares});
-                 }}};
+  std::unique_ptr<GlobalStart> search(const std::shared_ptr<const ResidualModel>& residuals,
+                                      std::uint64_t seed, const std::vector<Model>& models) {
+    return std::make_unique<GlobalStart>(
+        start_, *residuals,
+        GlobalStartOptions{.free = options_.free,
+                           .fidelity = coarse_,
+                           .first = models,
+                           .seed = seed,
+                           .count = [this] { watch_.count(); },
+                           .better =
+                               [this, residuals](const Model& m, double squares) {
+                                 watch_.keep({residuals, unit_of(m), squares});
+                               }});
   }
 
   // Pasts that searches begin with, in turn: the likeliest and, as these were chosen before anything is known
@@ -245,8 +245,7 @@ class Study {
     std::vector<Start> all;
     for (std::size_t i = 0; i < searches; ++i) {
       const auto& residuals = pasts[i % pasts.size()];
-      all.push_back(
-          {residuals, std::make_unique<GlobalStart>(search(residuals, options_.seed * 1000 + i, models))});
+      all.push_back({residuals, search(residuals, options_.seed * 1000 + i, models)});
     }
     const auto advance = [&] {
       tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { all[i].search->advance(); });
