@@ -53,6 +53,7 @@ void put(const Sensed<double>& seen, std::size_t row, const ChannelSpans& out) {
 
 Simulator::State::State(Model given, const SimulationOptions& given_options, const StepPlan* plan)
     : Surroundings<double>(std::move(given)), options(given_options), followed(plan) {
+  if (options.begun != nullptr) ++*options.begun;
   if (followed != nullptr) mechanics->solve_tightly();
   if (model.polycrystal.method == PolycrystalMethod::parametrized) {
     kinetics = std::make_unique<Parametrized>(model, constants);

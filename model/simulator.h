@@ -1,6 +1,7 @@
 // Plays a field through a model, piece by piece, and gives the channels at any times along it.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -25,6 +26,8 @@ struct SimulationOptions {
   std::uint64_t most_steps = 0;  // after so many, rejected ones too, Error(numerical); 0: no bound
   // Asked before every step, from whichever thread simulates: true ends it with Error(cancelled).
   const std::function<bool()>* stop = nullptr;
+  // Where it is given, counts the simulations that were begun.
+  std::atomic<std::uint64_t>* begun = nullptr;
   // What the specimen has been through before time 0; it is played first and does not come out. Null, or
   // unknown: it is poled towards +.
   const protocols::Past* past = nullptr;

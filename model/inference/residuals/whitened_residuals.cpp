@@ -16,9 +16,10 @@ nlohmann::json felt(const Setting& s) {
 }  // namespace
 
 void WhitenedResiduals::simulate_by(const SimulationOptions& simulation) {
-  const auto* stop = simulation_.stop;
+  const auto stood = simulation_;
   simulation_ = simulation;
-  simulation_.stop = stop;
+  simulation_.stop = stood.stop;
+  simulation_.begun = stood.begun;
   find_difference();
 }
 
@@ -71,7 +72,6 @@ std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
   const auto ordered = parts();
   in_parallel(groups.size() * ordered.size(), threads_,
               [&](std::size_t i) { fill(groups[i % groups.size()], ordered[i / groups.size()]); });
-  simulations_ += static_cast<int>(groups.size());
   if (difference_ != nullptr)
     for (auto& residual : out) residual += *difference_;
   return out;

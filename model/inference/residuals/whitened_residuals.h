@@ -30,9 +30,8 @@ class WhitenedResiduals {
   // Rows that are independent of each other: all of them, unless the model has an error of its own.
   double samples() const { return samples_; }
   int threads() const { return threads_; }
-  int simulations() const { return simulations_; }  // of the whole set
   const SimulationOptions& simulation() const { return simulation_; }
-  // What may stop it stays.
+  // What may stop it and what counts it stay.
   void simulate_by(const SimulationOptions& simulation);
   // The simulation that the last steps of a fit are made by (solver/multifidelity.h).
   const SimulationOptions& last_steps() const { return last_steps_; }
@@ -102,7 +101,6 @@ class WhitenedResiduals {
   std::optional<Anchor> anchor_;
   const Eigen::VectorXd* difference_ = nullptr;  // of the simulation as it stands
   int threads_;
-  mutable std::atomic<int> simulations_{0};
 };
 
 }  // namespace ferrobench::model::inference

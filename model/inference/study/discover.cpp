@@ -43,8 +43,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   }
   s.tick("choosing the specimen's past", 0.005);
   choose_unknown_pasts(base, recordings, s);
-  s.bench =
-      prepare_bench(base, recordings, rows_together, s.out.health.warnings, stoppable({}, options).stop);
+  s.bench = prepare_bench(base, recordings, rows_together, s.out.health.warnings, s.watched({}).stop);
   recordings.clear();
   s.noise = estimate_noise(s.bench, s.out.health.warnings);
   summarize_noise(s.bench, s.noise, s.out.health);
@@ -55,9 +54,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   auto unexplained_locked = Inquiry(s, base).run();
   if (s.out.verdict == Verdict::nothing_missing && !unexplained_locked.empty() && options.held_out.empty()) {
     // What is missing shows in those alone, so they are learned from, and others are held out.
-    const int simulations = s.out.health.simulations;
     s.out = as_read;
-    s.out.health.simulations = simulations;
     s.out.health.warnings.push_back("What the others do not show was found in " +
                                     names_of(s, unexplained_locked) +
                                     ", locked away at first: learned from, and others locked away instead.");
@@ -71,6 +68,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
     out.health.warnings.push_back("What was locked away is not explained in " +
                                   names_of(s, unexplained_locked) +
                                   ": something may be missing that shows only there.");
+  out.health.simulations = static_cast<int>(s.simulations);
   out.health.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   s.tick("done", 1);
   return std::move(s.out);

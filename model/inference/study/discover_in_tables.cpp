@@ -85,8 +85,9 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
 
   auto hypothesis = base_hypothesis(base, {});
   hypothesis.reach = 1;
-  WhitenedTableCells coarse(experiments, train, stoppable({}, options), threads);
-  WhitenedTableCells fine(experiments, train, stoppable(fine_for_tables, options), threads);
+  std::atomic<std::uint64_t> simulations = 0;
+  WhitenedTableCells coarse(experiments, train, watched({}, options, simulations), threads);
+  WhitenedTableCells fine(experiments, train, watched(fine_for_tables, options, simulations), threads);
   tick("choosing how finely to simulate", 0.01);
   out.health.numerical_error_over_noise =
       choose_fidelities(coarse, fine, hypothesis, prior_mean(hypothesis), fine_for_tables.domains);
@@ -134,7 +135,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
       "The bench is published tables: \"noise\" is how well their cells are known, 0.5 % of a stroke and 20 "
       "% "
       "of a creep.");
-  out.health.simulations = coarse.simulations();
+  out.health.simulations = static_cast<int>(simulations);
   out.health.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   tick("done", 1);
   return out;

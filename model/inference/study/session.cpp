@@ -18,7 +18,7 @@ void drop_untestable(Session& s) {
 
 void choose_unknown_pasts(const Model& base, std::vector<NamedRecording>& recordings, Session& s) {
   for (const auto& r : recordings) s.data.push_back(prepare(r.recording));
-  const auto pasts = likeliest_pasts_as_given(base, s.data, s.options);
+  const auto pasts = likeliest_pasts_as_given(base, s.data, s.watched({}));
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     auto& past = recordings[i].recording.header.past;
     s.out.pasts.push_back({recordings[i].name, pasts[i], !past.known()});
@@ -31,7 +31,7 @@ UnknownPasts unknown_pasts(Session& s) {
   std::vector<bool> unknown;
   for (const auto& p : s.out.pasts) unknown.push_back(p.chosen);
   const auto tick = [&s](const std::string& stage) { s.tick(stage, 0.01); };
-  return {s.bench, s.noise, s.train, std::move(unknown), stoppable({}, s.options), s.threads, tick};
+  return {s.bench, s.noise, s.train, std::move(unknown), s.watched({}), s.threads, tick};
 }
 
 void tell_pasts(Session& s) {
@@ -70,7 +70,7 @@ void allow_far_search(Session& s, ImprovementTask& task) {
                         {.seed = s.options.seed, .threads = s.threads, .simulation = fine, .tick = ticks});
   };
   if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return;
-  task.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.options); };
+  task.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.watched({})); };
   task.set_pasts = [&s](const std::vector<protocols::Past>& pasts) {
     hold_pasts(s.bench, pasts);
     tell_pasts(s);

@@ -2,6 +2,7 @@
 // and what has been found so far.
 #pragma once
 
+#include <atomic>
 #include <vector>
 
 #include "model/inference/study/improvement.h"
@@ -15,6 +16,7 @@ struct Session {
   const DiscoverOptions& options;
   Ticker tick = ticker(options);
   int threads = threads_of(options);
+  std::atomic<std::uint64_t> simulations = 0;
   Discovery out;
   bool presumed_past = true;        // of all that name none
   Eigen::VectorXd start;            // of the recalibration, where pasts were settled on; else empty
@@ -25,6 +27,10 @@ struct Session {
   SelectionOptions selection;  // the options', raised to what simulations resolve of what is learned from
   // What may be named, and what may stand for the rest: corrections of the kinetics, and tables.
   std::vector<const Effect*> candidates, corrections, tables;
+
+  SimulationOptions watched(SimulationOptions simulation) {
+    return inference::watched(simulation, options, simulations);
+  }
 };
 
 // Takes out what these recordings can say nothing of.

@@ -140,22 +140,23 @@ std::vector<Past> likeliest_pasts(const UnknownPasts& of, const Hypothesis& hypo
 }
 
 std::vector<Past> likeliest_pasts_as_given(const Model& model, const std::vector<RecordingData>& data,
-                                           const DiscoverOptions& options) {
+                                           SimulationOptions watched) {
   // As the starts of a fit are simulated (study/fit.h).
-  constexpr SimulationOptions by{.tolerance = 1e-3, .domains = 128};
+  watched.tolerance = 1e-3;
+  watched.domains = 128;
   return choose_pasts({&model, 1}, data,
-                      {.fidelity = {.simulation = stoppable(by, options), .coarse = true},
+                      {.fidelity = {.simulation = watched, .coarse = true},
                        .heights_are_free = true,
                        .presumed = Past{PastKind::poled_plus}});
 }
 
 std::vector<Past> likeliest_pasts_over_range(const Model& model, const std::vector<RecordingData>& data,
-                                             const DiscoverOptions& options) {
+                                             SimulationOptions watched) {
   // Of loops that a bulk ceramic's model goes through at a third of its switching, 1,000 domains are 1 to 5 %
   // of the range off, 4,000 less than 1 %, at a tolerance of 1e-3 as at a finer one.
-  constexpr SimulationOptions by{.tolerance = 1e-3, .domains = domains};
-  return choose_pasts({&model, 1}, data,
-                      {.fidelity = {.simulation = stoppable(by, options), .coarse = true}});
+  watched.tolerance = 1e-3;
+  watched.domains = domains;
+  return choose_pasts({&model, 1}, data, {.fidelity = {.simulation = watched, .coarse = true}});
 }
 
 namespace {

@@ -35,11 +35,11 @@ std::vector<protocols::Past> likeliest_pasts(const UnknownPasts& of, const Hypot
 // unless that leaves much of a recording where another past leaves less than half of it.
 std::vector<protocols::Past> likeliest_pasts_as_given(const Model& model,
                                                       const std::vector<RecordingData>& data,
-                                                      const DiscoverOptions& options);
+                                                      SimulationOptions watched);
 // By misses over the range, under a model that was recalibrated: where it is wrong by much.
 std::vector<protocols::Past> likeliest_pasts_over_range(const Model& model,
                                                         const std::vector<RecordingData>& data,
-                                                        const DiscoverOptions& options);
+                                                        SimulationOptions watched);
 
 struct SettledPasts {
   bool presumed = false;  // what is presumed of all stands

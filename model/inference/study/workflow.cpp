@@ -110,8 +110,10 @@ int threads_of(const DiscoverOptions& options) {
                              : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
-SimulationOptions stoppable(SimulationOptions simulation, const DiscoverOptions& options) {
+SimulationOptions watched(SimulationOptions simulation, const DiscoverOptions& options,
+                          std::atomic<std::uint64_t>& begun) {
   if (options.stop) simulation.stop = &options.stop;
+  simulation.begun = &begun;
   return simulation;
 }
 

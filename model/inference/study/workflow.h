@@ -2,6 +2,7 @@
 // recalibration of the base model, forward selection of effects, verdict.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <string>
 #include <vector>
@@ -15,7 +16,9 @@ namespace ferrobench::model::inference {
 
 // The following hold for as long as `options`.
 int threads_of(const DiscoverOptions& options);
-SimulationOptions stoppable(SimulationOptions simulation, const DiscoverOptions& options);
+// Stopped as these want it, and counted.
+SimulationOptions watched(SimulationOptions simulation, const DiscoverOptions& options,
+                          std::atomic<std::uint64_t>& begun);
 // Reports progress; throws Error(cancelled) if that is wanted.
 using Ticker = std::function<void(const std::string& stage, double fraction)>;
 Ticker ticker(const DiscoverOptions& options);
