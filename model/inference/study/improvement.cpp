@@ -66,7 +66,7 @@ class Improver {
     if (out_.added.empty())
       narrow();
     else if (incumbent_.is_material())
-      incumbent_.settle_with_trusted_instruments();
+      narrow_beside_names();
     if (task_.tables_beside_corrections || std::ranges::none_of(out_.added, &AddedTerm::empirical))
       add_tables();
     if (!task_.presumed_past && !out_.named && !out_.added.empty()) incumbent_.refit_under_other_pasts();
@@ -107,6 +107,16 @@ class Improver {
     search_again(remaining);
     while (!out_.named && out_.added.size() < most_effects && incumbent_.is_material() &&
            add_effect(remaining)) {
+    }
+  }
+
+  // What is left beside effects that have a name, first by other kinetics, as these hold where tables may
+  // not.
+  void narrow_beside_names() {
+    incumbent_.settle_with_trusted_instruments();
+    auto remaining = task_.corrections;
+    demanded_ = least_share_of_effect;
+    while (incumbent_.is_material() && add_effect(remaining)) {
     }
   }
 
@@ -305,7 +315,7 @@ class Improver {
   bool accept(HypothesisPoint next, const Effect* effect) {
     auto trial = incumbent_.weigh(next);
     // A table remembers turning points, so that a past shows which the model before it did not feel.
-    if (!is_enough(trial) && effect->table) {
+    if (!is_enough(trial) && effect->table && !task_.presumed_past) {
       const auto before = incumbent_.pasts();
       if (incumbent_.choose_pasts(next)) trial = incumbent_.weigh(next);
       if (!is_enough(trial) && task_.set_pasts) task_.set_pasts(before);
