@@ -146,6 +146,24 @@ TEST(Discrepancy, TheStory) {
 
 // A tone far above half of most sampling rates, which looks like noise; a limit that only the fastest ramps
 // pass; a drive that is known by a noisy measurement only, with a gain and an offset.
+// What shows in slow recordings that are learned from, and not in fast ones that are locked away, where it
+// would show ten times as much, is no property of the bench.
+TEST(Discrepancy, WhatTheLockedRecordingsRefuteIsNotNamed) {
+  const auto bench = real_bench();
+  auto delayed = bench;
+  delayed.effects.push_back({"displacement_delay", {{"delay", 3e-3}}});
+  auto recordings = measure(bench);
+  for (const std::size_t i : {0, 2, 3}) recordings[i].recording = record(delayed, plans()[i], 20 + i);
+  const auto found = discover(given(), recordings, {.held_out = {"fast", "minor"}});
+  EXPECT_EQ(found.verdict, Verdict::unknown) << text_report(found);
+  ASSERT_EQ(found.doubted.size(), 1U);
+  EXPECT_THAT(found.doubted.front().id, testing::StartsWith("displacement_"));
+  EXPECT_TRUE(std::ranges::all_of(found.added, &AddedTerm::empirical));
+  EXPECT_LE(found.held_out.after.at(Channel::displacement),
+            1.01 * found.held_out.before.at(Channel::displacement));
+  EXPECT_THAT(text_report(found), HasSubstr("refuted by the recordings that were locked away"));
+}
+
 TEST(Discrepancy, NamesAnAliasedTone) {
   auto bench = real_bench();
   bench.effects.push_back({"mains_pickup", {{"amplitude", 4e-7}, {"frequency", 120.85}}});

@@ -47,7 +47,9 @@ std::string doubt_sentence(const std::vector<EffectEstimate>& doubted) {
     for (const auto& p : e.parameters) out += ", " + parameter_text(find_effect(e.id), p);
     out += ".";
   }
-  return out + " That is not plausible, or could as well be nothing, so nothing was added.";
+  return out +
+         " That is not plausible, could as well be nothing, or is refuted by the recordings that were locked "
+         "away, so nothing was added.";
 }
 
 std::string verdict_sentence(const Discovery& d) {

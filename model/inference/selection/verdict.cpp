@@ -220,6 +220,14 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
   return out;
 }
 
+void refute(ModelSelection& selection) {
+  selection.doubted = selection.trials.front().first;
+  selection.trials.clear();
+  selection.sufficient = false;
+  selection.verdict = Verdict::unknown;
+  selection.probability_unknown = 1 - selection.probability_nothing;
+}
+
 double probability_of_unknown(double share, const SelectionOptions& options) {
   const double missed = (1 - share) / (1 - options.material_share);
   return logistic(options.sufficiency_power * std::log(std::max(1e-3, missed)));

@@ -29,6 +29,9 @@ struct ModelSelection {
 // What it returns refers to `found`.
 ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples);
 
+// Where recordings that took no part refute the best explanation: it is doubted, and the answer is unknown.
+void refute(ModelSelection& selection);
+
 // That the answer is something else, where the smallest share that an effect takes of the excess before it is
 // this.
 double probability_of_unknown(double share, const SelectionOptions& options);

@@ -55,7 +55,7 @@ Hypothesis with_corrections(Hypothesis base, const Model& narrowed,
 Inquiry::Inquiry(Session& session, const Model& base)
     : s_(session),
       base_(base_hypothesis(base, s_.bench)),
-      coarse_(s_.bench, s_.noise, s_.train, stoppable({}, s_.options), s_.threads),
+      coarse_(s_.bench, s_.noise, s_.train, s_.watched({}), s_.threads),
       fine_(s_.bench, s_.noise, s_.train, fine_for(base), s_.threads) {}
 
 std::set<std::size_t> Inquiry::run() {
@@ -77,14 +77,14 @@ std::set<std::size_t> Inquiry::run() {
 }
 
 SimulationOptions Inquiry::fine_for(const Model& base) const {
-  auto out = stoppable(fine_simulation, s_.options);
+  auto out = s_.watched(fine_simulation);
   out.every_spread = adds_a_spread(base, s_.candidates);
   return out;
 }
 
 // With what was learned of the fidelities so far. Recalibrates from `start`, or from the given values.
 WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of) {
-  return run_workflow(
+  auto out = run_workflow(
       coarse_, fine_, base,
       {.candidates = s_.candidates,
        .seed = s_.options.seed,
@@ -102,6 +102,23 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
        .tick = [this, of](const std::string& stage,
                           double f) { s_.tick(stage, of.from + (of.to - of.from) * f); }},
       s_.out.health);
+  if (is_refuted(out)) {
+    refute(out.selection);
+    out.best = nullptr;
+  }
+  return out;
+}
+
+// Whether the best explanation gains no more in all recordings together, those that were locked away among
+// them, than two programs for the same model differ by. Pasts are those that stand, for it as for the base.
+bool Inquiry::is_refuted(const WorkflowResult& found) const {
+  if (found.best == nullptr || s_.held_out.empty()) return false;
+  const WhitenedRecordings fine(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads),
+      coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(), s_.threads);
+  const auto excess = [&](const Fit& f) {
+    return excess_squares(predict(fine, coarse, f.hypothesis, f.z).standardized);
+  };
+  return found.best->drop + excess(found.base) - excess(found.best->fit) < s_.selection.detection;
 }
 
 void Inquiry::improve_gross() {
@@ -230,10 +247,10 @@ void Inquiry::tell_improvement() {
   if (improved_->searched)
     out.health.warnings.emplace_back("The whole range of the base model's parameters was searched again.");
   const bool empirical = std::ranges::any_of(out.added, &AddedTerm::empirical);
-  out.improved =
-      model_at(after_, !improved_->named ? gap_without_a_name
-                       : empirical ? "Recalibrated, with what was found missing, and tables for the rest."
-                                   : "Recalibrated, with what was found missing.");
+  out.improved = model_at(
+      after_, !improved_->named ? gap_without_a_name
+              : empirical ? "Recalibrated, with what was found missing, and empirical terms for the rest."
+                          : "Recalibrated, with what was found missing.");
 }
 
 void Inquiry::tell_where() {
@@ -248,17 +265,17 @@ std::set<std::size_t> Inquiry::prove() {
   auto& out = s_.out;
   std::set<std::size_t> unexplained_locked;
   const bool added = !out.added.empty();
-  const auto figures = [this](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
+  const auto predicted = [this](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
     refine_pasts(unknown_pasts(s_), f.hypothesis, f.z);
     return found_.gross ? predict(of, f.hypothesis, f.z) : predict(of, by, f.hypothesis, f.z);
   };
   const auto figures_before = [&](const WhitenedRecordings& of, const WhitenedRecordings& by) {
-    Prediction predicted;
-    under_pasts_of_base([&] { predicted = figures(of, by, before_); });
-    return predicted;
+    Prediction figures;
+    under_pasts_of_base([&] { figures = predicted(of, by, before_); });
+    return figures;
   };
   const auto before = figures_before(fine_, coarse_),
-             after = added ? figures(fine_, coarse_, after_) : before;
+             after = added ? predicted(fine_, coarse_, after_) : before;
   out.where = excess_by_segment_class(fine_, before.standardized);
   out.train.before = rms_by_channel(fine_, before.standardized);
   out.train.after = rms_by_channel(fine_, after.standardized);
@@ -272,7 +289,7 @@ std::set<std::size_t> Inquiry::prove() {
     const WhitenedRecordings locked(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads);
     const WhitenedRecordings locked_coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(), s_.threads);
     const auto locked_before = figures_before(locked, locked_coarse),
-               locked_after = added ? figures(locked, locked_coarse, after_) : locked_before;
+               locked_after = added ? predicted(locked, locked_coarse, after_) : locked_before;
     unexplained_locked = unexplained(locked, locked_before.standardized, s_.selection);
     out.held_out.before = rms_by_channel(locked, locked_before.standardized);
     out.held_out.after = rms_by_channel(locked, locked_after.standardized);
@@ -286,7 +303,6 @@ std::set<std::size_t> Inquiry::prove() {
   }
   tell_pasts(s_);
   for (auto& t : traces(fine_, before, after, 4, false)) out.traces.push_back(std::move(t));
-  out.health.simulations += coarse_.simulations();
   return unexplained_locked;
 }
 

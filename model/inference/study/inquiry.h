@@ -26,6 +26,7 @@ class Inquiry {
     double from = 0, to = 1;
   };
   WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of);
+  bool is_refuted(const WorkflowResult& found) const;
   void improve_gross();
   void compare_explanations();
   void improve_beyond_effects();
