@@ -179,6 +179,10 @@ double unit_slope(const FreeParameter& p, double u) {
 // its range's end, and a recalibration go on from there: that is a specimen that switches.
 constexpr double no_switching = 1e7;
 
+bool switches(const Model& model) {
+  return model.material.barrier <= no_switching;
+}
+
 bool is_held(const Model& model, std::string_view path) {
   if (path == "material.temperature") return true;
   constexpr std::string_view effects = "effects.";
@@ -193,7 +197,7 @@ bool is_held(const Model& model, std::string_view path) {
                                     "material.barrier",
                                     "material.relaxation_time",
                                     "material.activation_volume"};
-  return model.material.barrier > no_switching &&
+  return !switches(model) &&
          (path.starts_with("polycrystal.") || std::ranges::find(of_switching, path) != of_switching.end());
 }
 

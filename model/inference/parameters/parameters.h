@@ -42,6 +42,8 @@ double from_unit(const FreeParameter& p, double u);
 // d value / d u.
 double unit_slope(const FreeParameter& p, double u);
 
+// Whether domains may switch: of a linear capacitor no field reaches the barrier.
+bool switches(const Model& model);
 // Whether nothing is estimated of a number: of the temperature, which only counts by its ratio to the
 // activation volume; of an empirical table, which was fitted as a whole; and, where no domain
 // switches, as no field reaches the barrier, of what only switching shows.

@@ -105,8 +105,8 @@ class Improver {
     remaining.insert(remaining.end(), task_.corrections.begin(), task_.corrections.end());
     demanded_ = least_share_of_effect;
     search_again(remaining);
-    while (!out_.named && out_.added.size() < most_effects && incumbent_.is_material() &&
-           add_effect(remaining)) {
+    const auto is_worth_more = [this] { return incumbent_.by_noise() || incumbent_.is_material(); };
+    while (!out_.named && out_.added.size() < most_effects && is_worth_more() && add_effect(remaining)) {
     }
   }
 
@@ -315,7 +315,8 @@ class Improver {
   bool accept(HypothesisPoint next, const Effect* effect) {
     auto trial = incumbent_.weigh(next);
     // A table remembers turning points, so that a past shows which the model before it did not feel.
-    if (!is_enough(trial) && effect->table && !task_.presumed_past) {
+    const bool past_is_known = task_.presumed_past && switches(incumbent_.at().hypothesis.model);
+    if (!is_enough(trial) && effect->table && !past_is_known) {
       const auto before = incumbent_.pasts();
       if (incumbent_.choose_pasts(next)) trial = incumbent_.weigh(next);
       if (!is_enough(trial) && task_.set_pasts) task_.set_pasts(before);

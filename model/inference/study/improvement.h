@@ -45,7 +45,9 @@ struct ImprovementTask {
   SimulationOptions simulation;  // the fine one; what stops it is used in all
   int threads = 1;
   SelectionOptions selection;  // its material_share and lack_of_fit
-  double floor = 0;            // of the range: an error below this is not worked on
+  // Of the range: tables do not work on an error below this, and effects and corrections do only where noise
+  // alone is the measure and has found something.
+  double floor = 0;
   // Residuals of `train` by noise alone, where that is the measure still. Null where the model is wrong by
   // much, or has named effects that leave more than `floor`: it is fitted beside its own error then, and
   // gains and offsets are taken for what the instruments state while terms are looked for. Nobody could tell
@@ -61,7 +63,8 @@ struct ImprovementTask {
                                           const std::vector<std::vector<NoiseModel>>& errors,
                                           const SearchTick&)>
       search_bases{};
-  // Poled towards + has been presumed; only what a table brings may speak against it.
+  // Poled towards + has been presumed of all that name no past, and nothing has spoken against it. A model
+  // that does not switch feels no past, so there a table may.
   bool presumed_past = true;
   // Whether tables are added where corrections of the kinetics were; else these end it.
   bool tables_beside_corrections = true;

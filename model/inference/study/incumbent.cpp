@@ -67,9 +67,12 @@ std::optional<Comparison> Incumbent::weigh(const HypothesisPoint& next) const {
   }
   out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
   // What does not show in the locked recordings cannot be proved there; it must not come to show there
-  // either.
+  // either, nor, where noise is the measure, put more on their sum of squares than two programs differ by.
   const auto& how = task_.selection;
-  if (!task_.held_out.empty() && (shows(locked_, how) || shows(out.locked, how)))
+  const auto rises = [&] {
+    return by_noise() && excess_squares(out.locked) > excess_squares(locked_) + how.detection;
+  };
+  if (!task_.held_out.empty() && (shows(locked_, how) || shows(out.locked, how) || rises()))
     // By noise as well: so the proof will count.
     out.share_held_out =
         std::min(share_of(locked_, out.locked, task_.held_out), share_by_noise(locked_, out.locked));

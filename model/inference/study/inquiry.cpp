@@ -1,6 +1,7 @@
 #include "model/inference/study/inquiry.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "model/inference/selection/candidates.h"
 #include "model/inference/selection/experiment_design.h"
@@ -34,6 +35,15 @@ constexpr auto gap_without_a_name = "Recalibrated, with terms that narrow a gap 
 
 bool is_correction(const AddedTerm& a) {
   return a.empirical && !find_effect(a.term.id).table;
+}
+
+// The share of the sum of squares above the noise's that is gone after; none is known better than by its
+// standard deviation.
+double share_of_excess(const Fit& before, const Fit& after, double samples) {
+  const auto excess = [samples](const Fit& f) {
+    return std::max(f.squares - samples, std::sqrt(2 * samples));
+  };
+  return 1 - excess(after) / excess(before);
 }
 
 // The base with the corrections that narrow its gap, whose numbers are its own from now on.
@@ -157,10 +167,9 @@ void Inquiry::compare_explanations() {
 
 // Where nothing could be named, or what was named leaves a material rest.
 void Inquiry::improve_beyond_effects() {
-  if (found_.selection.verdict == Verdict::nothing_missing || found_.selection.sufficient ||
-      !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor))
-    return;
+  if (found_.selection.verdict == Verdict::nothing_missing || found_.selection.sufficient) return;
   const bool unknown = s_.out.verdict == Verdict::unknown;
+  if (!unknown && !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor)) return;
   auto task = improvement_task(s_, fine_.simulation(),
                                corrections_.empty() ? share_of_selection : share_of_second_selection);
   std::erase_if(task.corrections, [this](const Effect* e) {
@@ -192,8 +201,11 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   stand_at(coarse_, stood);
   auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
                    false, {}, {share_of_selection, share_of_second_selection});
-  // A name is given if nothing is left beside it: corrections stand for what has none.
-  const bool named = again.best != nullptr && again.selection.sufficient;
+  // A name is given if nothing is left beside it, and if it takes as much of what the corrections leave as it
+  // has to where a model is wrong a little: corrections stand for what has no name, and do so nearly.
+  const bool named =
+      again.best != nullptr && again.selection.sufficient &&
+      share_of_excess(again.base, again.best->fit, coarse_.samples()) >= s_.selection.material_share;
   const auto& fit = named ? again.best->fit : again.base;
   if (fit.squares > stood.squares) return false;
   after_ = fit;
