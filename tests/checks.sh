@@ -2,7 +2,8 @@
 # What a change must pass beside the tests. 'sh tests/run.sh --checks' runs them; alone: sh tests/checks.sh [BUILD]
 #   format      clang-format on every source
 #   alone       sources of the program parsed by themselves, with all warnings (the build joins those of a folder, so that
-#               one may lack an include and nobody sees it): those that changed, or that include a header that did
+#               one may lack an include and nobody sees it): those that changed, the latest first, then those that
+#               include a header that did, for two minutes
 #   sanitizers  ASan and UBSan while text, protocols, recordings, journals and damaged files are read
 #   tidy        clang-tidy on the sources of the program (not of its tests) that changed, the latest first, for a minute
 #               and a half
@@ -51,11 +52,12 @@ import json, re, shlex, subprocess, sys
 database, root, prelude, changed = sys.argv[1:]
 files = subprocess.run(["git", "ls-files", "*.cpp", "*.h"], capture_output=True, text=True, check=True).stdout.split()
 included = {f: re.findall(r'#include "(.*?)"', open(f).read()) for f in files}
-touched = set(open(changed).read().split())
+latest_first = {f: i for i, f in enumerate(open(changed).read().split())}
+touched = set(latest_first)
 while more := {f for f in files if f not in touched and touched.intersection(included[f])}:
     touched |= more
-for entry in json.load(open(database)):
-    source = entry["file"].removeprefix(root + "/")
+entries = {entry["file"].removeprefix(root + "/"): entry for entry in json.load(open(database))}
+for source, entry in sorted(entries.items(), key=lambda e: latest_first.get(e[0], len(latest_first))):
     if source in touched and source.split("/")[0] in ("base", "protocols", "recordings", "model", "daq", "server"):
         words = iter(w for w in shlex.split(entry["command"]) if w not in ("-MD", "-c"))
         print(shlex.join(w for w in words if w not in ("-MT", "-MF", "-o") or not next(words)),
@@ -69,7 +71,10 @@ alone() {
   echo '#include <nlohmann/json.hpp>' >"$work/json.h"
   # Any of the program's options will do, but they must be those of all.
   sh -c "$(head -n 1 "$work/commands" | sed 's/ [^ ]*\.cpp .*//') -x c++-header '$work/json.h' -o '$work/json.h.gch'"
-  xargs -d '\n' -P "$jobs" -I {} sh -c '{}' <"$work/commands"
+  timeout 120 xargs -d '\n' -P "$jobs" -I {} sh -c '{}' <"$work/commands"
+  end=$?
+  [ $end != 124 ] || echo "not all of $(wc -l <"$work/commands") sources were looked at in the time there is"
+  [ $end = 0 ] || [ $end = 124 ]
 }
 
 # Its files lie apart from those of the same tests that ctest runs beside it.
@@ -103,6 +108,6 @@ for check in format sanitizers alone tidy; do
   begin=$(date +%s)
   if ("$check") >"$work/$check.log" 2>&1; then end=passed; else end=FAILED failed="$failed $check"; fi
   echo "$check: $end, $(($(date +%s) - begin)) s"
-  if [ "$end" = FAILED ] || [ "$check" = tidy ]; then grep -v ' warnings generated\.$' "$work/$check.log" | tail -n 60; fi
+  if [ "$end" = FAILED ] || [ "$check" = tidy ] || [ "$check" = alone ]; then grep -v ' warnings generated\.$' "$work/$check.log" | tail -n 60; fi
 done
 [ -z "$failed" ]
