@@ -55,10 +55,9 @@ class Improver {
       : task_(task), incumbent_(task, base, [this](const std::string& stage) { tick(stage); }) {}
 
   Improvement run() {
+    auto given = incumbent_.at();
     incumbent_.settle();
-    if (!task_.presumed_past)
-      for (int i = 0; i < rounds_of_pasts && incumbent_.choose_pasts(incumbent_.at()); ++i)
-        incumbent_.settle(1);
+    if (!task_.presumed_past) settle_with_pasts(std::move(given));
     stand_as_base();
     out_.added = task_.named;
     if (out_.added.empty() && !incumbent_.by_noise()) name();
@@ -88,6 +87,19 @@ class Improver {
   void stand_as_base() {
     out_.base = incumbent_.fit();
     out_.pasts_of_base = incumbent_.pasts();
+  }
+
+  // Pasts were chosen with the height of each channel free, as a model is given with constants that are not
+  // the specimen's. One that was fitted before knows the heights, and so it tells pasts apart better.
+  void settle_with_pasts(HypothesisPoint given) {
+    const auto before = incumbent_.pasts();
+    const auto under_given = fit_to_all(given);
+    if (under_given && under_given->least() > 0)
+      incumbent_.settle_at(std::move(given));
+    else
+      task_.set_pasts(before);
+    for (int i = 0; i < rounds_of_pasts && incumbent_.choose_pasts(incumbent_.at()); ++i)
+      incumbent_.settle(1);
   }
 
   void name() {
