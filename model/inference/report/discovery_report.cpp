@@ -43,13 +43,15 @@ std::string parameter_text(const Effect& effect, const EffectEstimate::Parameter
 std::string doubt_sentence(const std::vector<EffectEstimate>& doubted) {
   std::string out = "Something is missing, but what it is cannot be told.";
   for (const auto& e : doubted) {
-    out += fmt::format(" {} would explain it", readable(e.id));
+    const bool first = e.id == doubted.front().id;
+    out += first ? fmt::format(" {} would explain it", readable(e.id))
+                 : fmt::format(" It would together with {}", readable(e.id));
     for (const auto& p : e.parameters) out += ", " + parameter_text(find_effect(e.id), p);
     out += ".";
   }
   return out +
          " That is not plausible, could as well be nothing, or is refuted by the recordings that were locked "
-         "away, so nothing was added.";
+         "away, so it is not named.";
 }
 
 std::string verdict_sentence(const Discovery& d) {

@@ -100,8 +100,8 @@ struct ChannelNoise {
 };
 
 struct Health {
-  double seconds = 0;  // 0: not told
-  int simulations = 0;
+  double seconds = 0;   // 0: not told
+  int simulations = 0;  // of one recording, or one run of a table, each
   double numerical_error_over_noise = 0;
   int starts = 0;           // of the base model's fit
   double start_spread = 0;  // sum of squares of the best other start over that from the given model, less 1
