@@ -144,8 +144,6 @@ TEST(Discrepancy, TheStory) {
   EXPECT_EQ(again.verdict, Verdict::nothing_missing) << text_report(again);
 }
 
-// A tone far above half of most sampling rates, which looks like noise; a limit that only the fastest ramps
-// pass; a drive that is known by a noisy measurement only, with a gain and an offset.
 // What shows in slow recordings that are learned from, and not in fast ones that are locked away, where it
 // would show ten times as much, is no property of the bench.
 TEST(Discrepancy, WhatTheLockedRecordingsRefuteIsNotNamed) {
@@ -164,6 +162,8 @@ TEST(Discrepancy, WhatTheLockedRecordingsRefuteIsNotNamed) {
   EXPECT_THAT(text_report(found), HasSubstr("refuted by the recordings that were locked away"));
 }
 
+// A tone far above half of most sampling rates, which looks like noise; a limit that only the fastest ramps
+// pass; a drive that is known by a noisy measurement only, with a gain and an offset.
 TEST(Discrepancy, NamesAnAliasedTone) {
   auto bench = real_bench();
   bench.effects.push_back({"mains_pickup", {{"amplitude", 4e-7}, {"frequency", 120.85}}});

@@ -8,7 +8,6 @@
 #pragma once
 
 #include <Eigen/Dense>
-#include <atomic>
 #include <map>
 #include <optional>
 #include <span>

@@ -119,12 +119,15 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
   return out;
 }
 
+WhitenedRecordings Inquiry::locked_by(const SimulationOptions& simulation) const {
+  return {s_.bench, s_.noise, s_.held_out, simulation, s_.threads};
+}
+
 // Whether the best explanation gains no more in all recordings together, those that were locked away among
 // them, than two programs for the same model differ by. Pasts are those that stand, for it as for the base.
 bool Inquiry::is_refuted(const WorkflowResult& found) const {
   if (found.best == nullptr || s_.held_out.empty()) return false;
-  const WhitenedRecordings fine(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads),
-      coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(), s_.threads);
+  const auto fine = locked_by(fine_.simulation()), coarse = locked_by(coarse_.simulation());
   const auto excess = [&](const Fit& f) {
     return excess_squares(predict(fine, coarse, f.hypothesis, f.z).standardized);
   };
@@ -298,8 +301,7 @@ std::set<std::size_t> Inquiry::prove() {
   if (out.remainder)
     out.remainder->family = fit_residual_basis(coarse_, after_, out.remainder->channel).family;
   if (!s_.held_out.empty()) {
-    const WhitenedRecordings locked(s_.bench, s_.noise, s_.held_out, fine_.simulation(), s_.threads);
-    const WhitenedRecordings locked_coarse(s_.bench, s_.noise, s_.held_out, coarse_.simulation(), s_.threads);
+    const auto locked = locked_by(fine_.simulation()), locked_coarse = locked_by(coarse_.simulation());
     const auto locked_before = figures_before(locked, locked_coarse),
                locked_after = added ? predicted(locked, locked_coarse, after_) : locked_before;
     unexplained_locked = unexplained(locked, locked_before.standardized, s_.selection);

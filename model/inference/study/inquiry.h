@@ -26,6 +26,7 @@ class Inquiry {
     double from = 0, to = 1;
   };
   WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of);
+  WhitenedRecordings locked_by(const SimulationOptions& simulation) const;
   bool is_refuted(const WorkflowResult& found) const;
   void improve_gross();
   void compare_explanations();

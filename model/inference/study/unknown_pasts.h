@@ -32,7 +32,8 @@ std::vector<protocols::Past> likeliest_pasts(const UnknownPasts& of, const Hypot
                                              const Eigen::VectorXd& z);
 
 // Under the model as it is given. Poled towards +, as the simulator does, is presumed of all that name none,
-// unless that leaves much of a recording where another past leaves less than half of it.
+// unless that leaves much of a recording where another past leaves less than half of it. Of `watched`, what
+// stops simulations and counts them is used.
 std::vector<protocols::Past> likeliest_pasts_as_given(const Model& model,
                                                       const std::vector<RecordingData>& data,
                                                       SimulationOptions watched);
