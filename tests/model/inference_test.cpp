@@ -11,6 +11,7 @@
 #include "model/inference/search/global_search.h"
 #include "model/inference/solver/bounded_quadratic.h"
 #include "model/inference/solver/covariance.h"
+#include "model/inference/solver/gauss_newton.h"
 #include "model/inference/solver/least_squares.h"
 #include "model/inference/study/base_search.h"
 #include "model/inference/study/fit.h"
@@ -163,6 +164,73 @@ TEST(BoundedMinimum, IsTheLeastOfAllActiveSets) {
     held += static_cast<int>((found.array() == low.array() || found.array() == high.array()).count());
   }
   EXPECT_GT(held, 100);
+}
+
+// Linear in the gains of charge and displacement, but for an error that is another one at each place, as that
+// of a simulation's steps is; and what no gain takes up.
+class GrainyLine final : public inference::WhitenedResiduals {
+ public:
+  explicit GrainyLine(double grain) : WhitenedResiduals({}, 1), grain_(grain) {
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> normal;
+    size_ = 400;
+    samples_ = 400;
+    jacobian_.resize(size_, 2);
+    rest_.resize(size_);
+    for (double& v : jacobian_.reshaped()) v = 10 * normal(random);
+    for (double& v : rest_) v = normal(random);
+  }
+  static inference::Hypothesis hypothesis() {
+    inference::Hypothesis out{.model = library_model("soft-pzt"), .parameters = {}};
+    for (const auto* path : {"gain.charge", "gain.displacement"})
+      out.parameters.push_back(
+          {.path = path, .from = 1, .scale = 0.1, .prior = false, .low = -30, .high = 30});
+    return out;
+  }
+  std::optional<Eigen::MatrixXd> slopes(const inference::Hypothesis& h, const Eigen::VectorXd& z,
+                                        Eigen::Index first) const override {
+    Eigen::MatrixXd out = jacobian_.rightCols(2 - first);
+    for (Eigen::Index i = first; i < 2; ++i)
+      out.col(i - first) *= h.parameters[static_cast<std::size_t>(i)].slope(z[i]);
+    return out;
+  }
+  Times times() const override { return {}; }
+  std::vector<double> tones(const Eigen::VectorXd&, const EffectParameter&, std::size_t) const override {
+    return {};
+  }
+  std::vector<double> limits(const EffectParameter&) const override { return {}; }
+  double least() const { return rest_.squaredNorm(); }
+  mutable int asked = 0;
+
+ private:
+  std::vector<std::size_t> parts() const override { return {0}; }
+  void fill(std::span<const Wanted> alike, std::size_t) const override {
+    for (const auto& w : alike) {
+      ++asked;
+      const double charge = w.setting.gain[1], displacement = w.setting.gain[2];
+      std::mt19937_64 random(std::hash<double>()(charge) ^ (std::hash<double>()(displacement) << 1));
+      std::normal_distribution<double> normal(0, grain_);
+      *w.residual = rest_ + jacobian_.col(0) * (charge - 0.8) + jacobian_.col(1) * (displacement - 1.3);
+      for (double& v : *w.residual) v += normal(random);
+    }
+  }
+  double grain_;
+  Eigen::MatrixXd jacobian_;
+  Eigen::VectorXd rest_;
+};
+
+// Close to the minimum no step gains what it promises, however short it is.
+TEST(Minimize, EndsWhereTheErrorOfTheSimulationHidesTheMinimum) {
+  const auto hypothesis = GrainyLine::hypothesis();
+  const auto solve = [&](const GrainyLine& line) {
+    return inference::minimize(line, hypothesis, Eigen::Vector2d(-2, 2), {.enough = 1e-6, .tick = {}});
+  };
+  const GrainyLine smooth(0), grainy(0.05);
+  EXPECT_NEAR(solve(smooth).squares, smooth.least(), 3);  // two numbers are fitted to noise
+  const auto fit = solve(grainy);
+  // The error adds 1 by its squares, and 2 in one standard deviation by its product with the residual.
+  EXPECT_NEAR(fit.squares, grainy.least(), 8);
+  EXPECT_LT(grainy.asked, 16) << fit.squares;
 }
 
 TEST(LeastSquares, SlopesAreThoseOfTheFunction) {

@@ -13,6 +13,13 @@ namespace {
 // derivative does not count, so far that the noise of the simulation's own steps does not.
 constexpr double look_ahead = 0.5;
 constexpr double most_damping = 1e5;
+// After a step that failed.
+constexpr double least_after_failure = 1e-3;
+// A step that gains nothing is tried again at this share of its length. What a smooth residual then misses of
+// the promise, terms of the third order in the length, is less than 0.02 of what it missed before. The
+// steps of a simulation change from one place to the next, and with them its error, by as much at any
+// distance: where more than this share is missed again, what is left to gain is less than that error.
+constexpr double shorter = 0.25, missed_by_noise = 0.25;
 
 Eigen::VectorXd within(const Hypothesis& h, Eigen::VectorXd z) {
   for (Eigen::Index i = 0; i < z.size(); ++i) {
@@ -66,16 +73,33 @@ bool may_reach(double squares, double wanted, double decrease) {
   return squares - decrease <= wanted;
 }
 
+// A parabola in the parameters' space, along Levenberg's step and bent as the valley is.
+struct Curve {
+  Eigen::VectorXd step, aside;
+  // Of the sum of squares' residual part, without its value at the beginning.
+  double first = 0, second = 0, third = 0, fourth = 0;
+
+  Eigen::VectorXd at(double t) const { return t * step + t * t * aside; }
+  double residual_squares(double t) const { return t * (first + t * (second + t * (third + t * fourth))); }
+};
+
+// A place on the curve.
 struct Step {
   Eigen::VectorXd change;  // of z
   double promised = 0;     // gain of the sum of squares
   double share = 0;        // of Levenberg's step
 };
 
-// Levenberg's step, bent as the valley is and as long as promises most. `normal` and `gradient` are the
-// fit's.
-Step next_step(const WhitenedResiduals& residuals, const Fit& fit, const Eigen::MatrixXd& normal,
-               const Eigen::VectorXd& gradient, double damping) {
+Step step_at(const Fit& fit, const Curve& curve, double share) {
+  Eigen::VectorXd change = curve.at(share);
+  const double gain = prior_squares(fit.hypothesis, fit.z) - prior_squares(fit.hypothesis, fit.z + change) -
+                      curve.residual_squares(share);
+  return {std::move(change), gain, share};
+}
+
+// `normal` and `gradient` are the fit's.
+Curve next_curve(const WhitenedResiduals& residuals, const Fit& fit, const Eigen::MatrixXd& normal,
+                 const Eigen::VectorXd& gradient, double damping) {
   Eigen::MatrixXd damped = normal;
   damped.diagonal() *= 1 + damping;
   const auto factor = damped.ldlt();
@@ -92,18 +116,36 @@ Step next_step(const WhitenedResiduals& residuals, const Fit& fit, const Eigen::
     stiff *= 10;
   }
   const Eigen::VectorXd bend = 0.5 * curve + fit.jacobian * aside;
-  const double first = 2 * fit.residual.dot(slope), second = slope.squaredNorm() + 2 * fit.residual.dot(bend),
-               third = 2 * slope.dot(bend), fourth = bend.squaredNorm();
-  const double before = prior_squares(fit.hypothesis, fit.z);
-  Step out{.change = Eigen::VectorXd::Zero(step.size())};
+  return {.step = std::move(step),
+          .aside = std::move(aside),
+          .first = 2 * fit.residual.dot(slope),
+          .second = slope.squaredNorm() + 2 * fit.residual.dot(bend),
+          .third = 2 * slope.dot(bend),
+          .fourth = bend.squaredNorm()};
+}
+
+// The place on the curve that promises most; a share of 0 where none promises anything.
+Step best_step(const Fit& fit, const Curve& curve) {
+  Step out{.change = Eigen::VectorXd::Zero(fit.z.size())};
   for (int k = 0; k < 31; ++k) {
-    const double t = 1.5 * std::pow(0.85, k);  // to 0.01
-    const Eigen::VectorXd change = t * step + t * t * aside;
-    const double gain = before - prior_squares(fit.hypothesis, fit.z + change) -
-                        t * (first + t * (second + t * (third + t * fourth)));
-    if (gain > out.promised) out = {change, gain, t};
+    auto step = step_at(fit, curve, 1.5 * std::pow(0.85, k));  // to 0.01
+    if (step.promised > out.promised) out = std::move(step);
   }
   return out;
+}
+
+// Goes there if the sum of squares is less, and returns by how much it is or would have been.
+double try_step(const WhitenedResiduals& residuals, Fit& fit, const Step& step) {
+  auto to = within(fit.hypothesis, fit.z + step.change);
+  auto residual = fit.corrected(residuals.evaluate(fit.hypothesis, to));
+  const double squares = residual.squaredNorm() + prior_squares(fit.hypothesis, to);
+  const double gain = fit.squares - squares;
+  if (gain > 0) {
+    fit.z = std::move(to);
+    fit.residual = std::move(residual);
+    fit.squares = squares;
+  }
+  return gain;
 }
 
 }  // namespace
@@ -187,27 +229,28 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
         break;
     }
     if (options.tick) options.tick();
-    const auto next = next_step(residuals, out, normal, gradient, damping);
-    double gain = 0;
-    if (next.promised > 0) {
-      auto to = within(hypothesis, out.z + next.change);
-      auto residual = out.corrected(residuals.evaluate(hypothesis, to));
-      const double squares = residual.squaredNorm() + prior_squares(hypothesis, to);
-      gain = out.squares - squares;
-      if (gain > 0) {
-        out.z = std::move(to);
-        out.residual = std::move(residual);
-        out.squares = squares;
-        gained += gain;
-      }
+    const auto curve = next_curve(residuals, out, normal, gradient, damping);
+    auto step = best_step(out, curve);
+    const bool fresh = out.fresh;
+    double gain = step.promised > 0 ? try_step(residuals, out, step) : 0;
+    bool inconsistent = false;
+    if (gain < 0) {
+      const double missed = step.promised - gain;
+      step = step_at(out, curve, shorter * step.share);
+      gain = try_step(residuals, out, step);
+      inconsistent = gain <= 0 && step.promised - gain > missed_by_noise * missed;
     }
-    ended = (gain > 0 ? gain : next.promised) < enough;
+    if (gain > 0) gained += gain;
+    // By slopes of another place a step proves nothing about this one.
+    ended = fresh && (inconsistent || (gain > 0 ? gain : step.promised) < enough);
     // Directions that only priors hold want next to no damping, so it falls fast where a step kept its
-    // promise.
-    damping *= gain <= 0                                         ? 8
-               : gain < 0.5 * next.promised || next.share < 0.5  ? 2
-               : gain > 0.9 * next.promised && next.share > 0.75 ? 0.02
-                                                                 : 0.2;
+    // promise. A step that failed is made shorter by damping that shows.
+    if (gain <= 0)
+      damping = std::max(8 * damping, least_after_failure);
+    else
+      damping *= gain < 0.5 * step.promised || step.share < 0.5    ? 2
+                 : gain > 0.9 * step.promised && step.share > 0.75 ? 0.02
+                                                                   : 0.2;
     if (i + 1 == options.iterations) {
       out.fresh = out.fresh && gain <= 0;
     } else if ((gain > 0 || !out.fresh) && !refresh_jacobian(residuals, out)) {
