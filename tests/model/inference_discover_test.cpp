@@ -11,6 +11,7 @@
 #include "model/inference/parameters/parameters.h"
 #include "model/inference/report/discovery_report.h"
 #include "model/inference/residuals/whitened_recordings.h"
+#include "model/inference/search/multistart.h"
 #include "model/inference/selection/forward_selection.h"
 #include "model/inference/selection/residual_basis.h"
 #include "model/inference/solver/multifidelity.h"
@@ -547,6 +548,25 @@ TEST(Discrepancy, TheLastStepsOfABaseAreThoseOfTheFineSimulation) {
                by_fine = gain_left(inference::LastSteps::fine);
   EXPECT_LT(by_fine, 1);
   EXPECT_LT(by_fine, 0.5 * cheap);
+}
+
+// Far from its anchor the fine simulation is off by more than what counts as a detection.
+TEST(Discrepancy, ABaseIsAnchoredWhereItEnds) {
+  const auto two = two_recordings();
+  const auto hypothesis = inference::base_hypothesis(given(), two.bench);
+  const inference::WhitenedRecordings coarse(two.bench, two.noises, {0, 1},
+                                             {.tolerance = 1e-3, .domains = 25, .shift = 7}, 2);
+  inference::WhitenedRecordings fine(two.bench, two.noises, {0, 1},
+                                     {.tolerance = 1e-5, .domains = 4000, .shift = 7}, 2);
+  fine.make_last_steps_by(coarse.simulation());
+  const auto base = inference::fit_base(
+      coarse, fine, hypothesis,
+      {.start = widely_spread(hypothesis, inference::prior_mean(hypothesis)), .tick = [](auto&&...) {}});
+  EXPECT_TRUE(fine.is_anchored());
+  fine.release();
+  const double exact =
+      inference::minimize(fine, hypothesis, base.fit.z, {.iterations = 0, .tick = {}}).squares;
+  EXPECT_NEAR(base.fit.squares, exact, inference::unnoticed_change);
 }
 
 // Where no correction is made, what is fitted must not be the grain of the coarse simulation's own sum.

@@ -211,6 +211,11 @@ ForwardSelection ForwardSelector::find() {
                                           }});
   try_singles();
   detect();
+  // The grain of the coarse simulation can hide a minimum that is hardly a detection.
+  if (!out_.detected && !out_.trials.empty()) {
+    compare_the_best();
+    detect();
+  }
   if (!out_.detected) {
     if (task_.beyond_effects) out_.left = task_.beyond_effects(base_);
     if (has_lack_of_fit(out_, options_) && !options_.single_effect) {

@@ -9,9 +9,6 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// A verdict does not notice a change of the sum of squares of this size, where 60 or more count as a
-// detection.
-constexpr double unnoticed = 12;
 // Corrections are made anew so many times at most.
 constexpr int most_rounds = 4;
 // What twice the nodes take off the squares, to guess how many are enough: of four benches of the campaign, a
@@ -86,19 +83,19 @@ ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothes
   const bool anchored = fine.is_anchored();
   for (;;) {
     auto [residual, squares] = with_error(fine, hypothesis, z);
-    if (squares >= unnoticed && fine.is_anchored()) {
+    if (squares >= unnoticed_change && fine.is_anchored()) {
       fine.release();
       continue;
     }
     auto simulation = fine.simulation();
-    if (squares < unnoticed || 2 * simulation.domains > most_domains) {
+    if (squares < unnoticed_change || 2 * simulation.domains > most_domains) {
       if (anchored && !fine.is_anchored()) anchor_fine_fidelity(fine, hypothesis, z, residual);
       return {std::move(residual), root_mean_square(squares, fine)};
     }
     do {
       simulation.domains *= 2;
       squares /= squares_per_doubling;
-    } while (squares >= unnoticed && 2 * simulation.domains <= most_domains);
+    } while (squares >= unnoticed_change && 2 * simulation.domains <= most_domains);
     fine.simulate_by(simulation);
   }
 }

@@ -11,6 +11,9 @@
 
 namespace ferrobench::model::inference {
 
+// A verdict does not notice a change of the sum of squares of this size, where 60 or more count as a detection.
+inline constexpr double unnoticed_change = 12;
+
 struct ConvergedFidelity {
   Eigen::VectorXd residual;  // by the fine simulation, at z
   double error = 0;          // its own, root mean square in standard deviations of the noise
