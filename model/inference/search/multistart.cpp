@@ -15,8 +15,6 @@ namespace {
 // Fits with exact slopes come to the same minimum from nearly everywhere: on a bench of the campaign all of
 // four came to within 0.5 % of it, from up to 480 times its sum of squares.
 constexpr int other_starts = 2;
-// Where a fit ends far from the anchor of the fine simulation the anchor is moved there, and the fit goes on.
-constexpr int most_anchors = 3;
 
 }  // namespace
 
@@ -49,17 +47,7 @@ Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, co
     options.roughly_fitted(best);
     best = minimize(coarse, base, best.z, solver);
   }
-  fine.release();
-  apply_fidelity_correction(coarse, fine, best);
-  for (int round = 0; round < most_anchors; ++round) {
-    anchor_fine_fidelity(fine, base, best.z, best.residual);
-    refine(coarse, fine, best, LastSteps::fine, [&] { options.tick("recalibrating the model", 0.27); });
-    const double around_anchor = best.squares;
-    fine.release();
-    apply_fidelity_correction(coarse, fine, best);
-    if (std::abs(best.squares - around_anchor) < unnoticed_change) break;
-  }
-  anchor_fine_fidelity(fine, base, best.z, best.residual);
+  refine_around_anchor(coarse, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
   if (!std::isfinite(best.squares))
     throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",
                 Problem{.message = "their difference is not a finite number"});

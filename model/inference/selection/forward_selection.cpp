@@ -99,6 +99,7 @@ void ForwardSelector::try_singles() {
 
 // Only fits that have come to their end can be compared, so those near the top are taken there.
 void ForwardSelector::compare_the_best() {
+  if (out_.trials.empty()) return;
   const double near = nearness(options_, out_.trials.front().drop);
   const double top = delta_bic(out_.trials.front(), samples_);
   for (std::size_t i = 0; i < std::min(out_.trials.size(), options_.compared); ++i)
@@ -210,16 +211,14 @@ ForwardSelection ForwardSelector::find() {
                                             fits_.tick("trying every effect", 0.3 * f);
                                           }});
   try_singles();
-  detect();
   // The grain of the coarse simulation can hide a minimum that is hardly a detection.
-  if (!out_.detected && !out_.trials.empty()) {
-    compare_the_best();
-    detect();
-  }
+  compare_the_best();
+  detect();
   if (!out_.detected) {
     if (task_.beyond_effects) out_.left = task_.beyond_effects(base_);
     if (has_lack_of_fit(out_, options_) && !options_.single_effect) {
       try_every_effect(nullptr);
+      compare_the_best();
       detect();
     }
     if (!out_.detected) {
@@ -227,7 +226,6 @@ ForwardSelection ForwardSelector::find() {
       return std::move(out_);
     }
   }
-  compare_the_best();
   if (base_does_better()) return std::move(out_);
 
   // Is one effect enough? The best is asked, and those as good as it.

@@ -9,8 +9,8 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// Corrections are made anew so many times at most.
-constexpr int most_rounds = 4;
+// Corrections are made anew, and an anchor is moved, so many times at most.
+constexpr int most_rounds = 4, most_anchors = 3;
 // What twice the nodes take off the squares, to guess how many are enough: of four benches of the campaign, a
 // factor of 2 to 27, mostly 3 to 13. What the guess leads to is looked at as well.
 constexpr double squares_per_doubling = 8;
@@ -159,6 +159,21 @@ void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f, La
   }
   apply_fidelity_correction(coarse, f.residual, f);
   if (!f.fresh) refresh_jacobian(coarse, f);
+}
+
+void refine_around_anchor(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
+                          const std::function<void()>& tick) {
+  fine.release();
+  apply_fidelity_correction(coarse, fine, f);
+  for (int round = 0; round < most_anchors; ++round) {
+    anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
+    refine(coarse, fine, f, LastSteps::fine, tick);
+    const double around_anchor = f.squares;
+    fine.release();
+    apply_fidelity_correction(coarse, fine, f);
+    if (std::abs(f.squares - around_anchor) < unnoticed_change) break;
+  }
+  anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
 }
 
 }  // namespace ferrobench::model::inference

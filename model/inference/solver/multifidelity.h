@@ -11,7 +11,8 @@
 
 namespace ferrobench::model::inference {
 
-// A verdict does not notice a change of the sum of squares of this size, where 60 or more count as a detection.
+// A verdict does not notice a change of the sum of squares of this size, where 60 or more count as a
+// detection.
 inline constexpr double unnoticed_change = 12;
 
 struct ConvergedFidelity {
@@ -57,5 +58,9 @@ enum class LastSteps {
 // hold, the grain of fewer nodes can carry a fit off by several of their standard deviations.
 void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit, LastSteps by,
             const std::function<void()>& tick);
+// The same by the fine simulation itself, anchored where the fit ends: where it ends so far from the anchor
+// that a verdict might notice, the anchor is moved there and the fit goes on.
+void refine_around_anchor(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit,
+                          const std::function<void()>& tick);
 
 }  // namespace ferrobench::model::inference
