@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <set>
 
 #include "model/inference/dataset/bench.h"
 #include "model/inference/dataset/held_out.h"
@@ -220,6 +221,22 @@ TEST(Discrepancy, NamesAWeakEffectBesideAStrongOne) {
   std::vector<std::string> ids;
   for (const auto& e : found.explanations.front().effects) ids.push_back(e.id);
   EXPECT_THAT(ids, testing::UnorderedElementsAre("charge_offset_current", "displacement_nonlinearity"));
+}
+
+// A model that is wrong by much is fitted beside its own error. Where an effect is the reason, noise judges
+// it as soon as it is there, and nothing else is tried.
+TEST(Discrepancy, ALargeEffectIsJudgedByNoiseAtOnce) {
+  auto bench = real_bench();
+  bench.effects.push_back({"contact_gap", {{"gap", 3e-6}}});
+  DiscoverOptions options;
+  std::set<std::string> stages;
+  options.progress = [&](const DiscoverProgress& p) { return stages.insert(p.stage), true; };
+  const auto found = discover(given(), measure(bench), options);
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  EXPECT_EQ(found.explanations.front().effects.front().id, "contact_gap");
+  EXPECT_TRUE(stages.contains("how wrong the model is"));
+  for (const auto& stage : stages) EXPECT_FALSE(stage.starts_with("looking at")) << stage;
+  EXPECT_GT(found.share_held_out, 0.99);
 }
 
 // Recordings of 2 to 24 s tell the amplitude over the time constant of a relaxation of 1,000 s, and neither

@@ -62,12 +62,9 @@ class Improver {
     out_.added = task_.named;
     if (out_.added.empty() && !incumbent_.by_noise()) name();
     out_.named = !out_.added.empty() && all_take_material_shares();
-    if (out_.added.empty())
-      narrow();
-    else if (incumbent_.is_material())
-      narrow_beside_names();
-    if (task_.tables_beside_corrections || std::ranges::none_of(out_.added, &AddedTerm::empirical))
-      add_tables();
+    out_.for_noise_to_judge =
+        task_.until_noise_may_judge && !out_.added.empty() && !incumbent_.is_gross(incumbent_.at());
+    if (!out_.for_noise_to_judge) reduce_the_rest();
     if (!task_.presumed_past && !out_.named && !out_.added.empty()) incumbent_.refit_under_other_pasts();
     const auto& [hypothesis, z] = incumbent_.at();
     estimate_terms(incumbent_.fit(), hypothesis, z, out_.added);
@@ -108,6 +105,15 @@ class Improver {
     while (all_take_material_shares() && out_.added.size() < most_named && incumbent_.is_material() &&
            name_effect(remaining)) {
     }
+  }
+
+  void reduce_the_rest() {
+    if (out_.added.empty())
+      narrow();
+    else if (incumbent_.is_material())
+      narrow_beside_names();
+    if (task_.tables_beside_corrections || std::ranges::none_of(out_.added, &AddedTerm::empirical))
+      add_tables();
   }
 
   void narrow() {

@@ -66,6 +66,9 @@ struct ImprovementTask {
   // Poled towards + has been presumed of all that name no past, and nothing has spoken against it. A model
   // that does not switch feels no past, so there a table may.
   bool presumed_past = true;
+  // Whether it ends as soon as effects are named beside which the model is not wrong by much: noise can judge
+  // these then, and what is left is narrowed only if it does not find them.
+  bool until_noise_may_judge = false;
   // Whether tables are added where corrections of the kinetics were; else these end it.
   bool tables_beside_corrections = true;
   std::function<void(const std::string& stage, double fraction)> tick;
@@ -80,7 +83,8 @@ struct Improvement {
   // Whether the terms are named, and then: effects that were tried in the place of the last one, itself among
   // them, with their probabilities if it is one of these, most probable first.
   bool named = false;
-  bool searched = false;  // the base's parameters are those of a search of their whole range
+  bool for_noise_to_judge = false;  // it ended where the task said so
+  bool searched = false;            // the base's parameters are those of a search of their whole range
   std::vector<std::pair<const Effect*, double>> rivals;
 };
 

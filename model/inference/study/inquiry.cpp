@@ -140,6 +140,7 @@ void Inquiry::improve_gross() {
   given.z = prior_mean(base_);
   auto task = improvement_task(s_, fine_.simulation(), share_of_recalibration);
   allow_far_search(s_, task);
+  task.until_noise_may_judge = true;
   improved_ = improve(given, task, s_.out.health.warnings);
   if (!improved_ || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
   // A large effect, or a valley that noise alone did not lead out of: then noise is the measure after all.
@@ -148,9 +149,13 @@ void Inquiry::improve_gross() {
   auto again = ask(base_, false,
                    base_alone ? carried_over(base_, improved_->hypothesis, improved_->z) : Eigen::VectorXd{},
                    {0, share_of_selection});
-  if (again.best == nullptr && !base_alone) return;
-  found_ = std::move(again);
-  improved_.reset();
+  if (again.best != nullptr || base_alone) {
+    found_ = std::move(again);
+    improved_.reset();
+  } else if (improved_->for_noise_to_judge) {
+    task.until_noise_may_judge = false;
+    improved_ = improve(given, task, s_.out.health.warnings);
+  }
 }
 
 // How each explanation does on every recording in turn, and the experiment that would tell two apart.
