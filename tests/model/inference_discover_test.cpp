@@ -227,7 +227,7 @@ TEST(Discrepancy, NamesAWeakEffectBesideAStrongOne) {
 // it as soon as it is there, and nothing else is tried.
 TEST(Discrepancy, ALargeEffectIsJudgedByNoiseAtOnce) {
   auto bench = real_bench();
-  bench.effects.push_back({"contact_gap", {{"gap", 3e-6}}});
+  bench.effects.push_back({"contact_gap", {{"gap", 6e-6}}});
   DiscoverOptions options;
   std::set<std::string> stages;
   options.progress = [&](const DiscoverProgress& p) { return stages.insert(p.stage), true; };
