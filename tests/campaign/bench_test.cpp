@@ -148,7 +148,15 @@ TEST(Score, CalibrationIsTheDistanceFromStatedToRight) {
   std::vector<Outcome> outcomes;
   for (int i = 0; i < 10; ++i) outcomes.push_back(answered({"a"}, "named", {i < 8 ? "a" : "b"}, 0.95));
   const auto r = reliability(outcomes);
-  EXPECT_EQ(r.bins.back().count, 10u);
+  EXPECT_EQ(r.bins.at(9).count, 10u);
+  outcomes.front().probability = 0.99;
+  EXPECT_EQ(reliability(outcomes).bins.back().count, 1u);
+  outcomes.front().probability = 1;
+  EXPECT_EQ(reliability(outcomes).bins.back().count, 1u);
+  outcomes.front().probability = 0;
+  EXPECT_EQ(reliability(outcomes).bins.front().count, 1u);
+  EXPECT_THAT(text_of(outcomes), testing::HasSubstr("| named | 0.9 to 0.99 | 9 | 0.950 | 0.778 |"));
+  outcomes.front().probability = 0.95;
   EXPECT_NEAR(r.expected_calibration_error, 0.15, 1e-12);
   EXPECT_NEAR(r.brier, (8 * 0.05 * 0.05 + 2 * 0.95 * 0.95) / 10, 1e-12);
   for (const auto& figure : figures(outcomes)) {

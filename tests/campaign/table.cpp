@@ -151,7 +151,10 @@ Reliability reliability(const std::vector<Outcome>& outcomes) {
   double total = 0;
   for (const auto& o : outcomes) {
     if (o.verdict == "error") continue;
-    auto& bin = out.bins.at(static_cast<std::size_t>(std::clamp(o.probability * 10, 0.0, 9.0)));
+    const auto above =
+        std::ranges::upper_bound(Reliability::edges, o.probability) - Reliability::edges.begin();
+    auto& bin =
+        out.bins.at(static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(above, 1, std::ssize(out.bins)) - 1));
     ++bin.count;
     bin.stated += o.probability;
     bin.right += o.right();
@@ -168,6 +171,17 @@ Reliability reliability(const std::vector<Outcome>& outcomes) {
   out.brier /= total;
   return out;
 }
+
+namespace {
+
+// Calls visit(from, to, bin) for those that hold any.
+template <class Visit>
+void for_each_bin(const Reliability& r, Visit&& visit) {
+  for (std::size_t i = 0; i < r.bins.size(); ++i)
+    if (r.bins.at(i).count > 0) visit(Reliability::edges.at(i), Reliability::edges.at(i + 1), r.bins.at(i));
+}
+
+}  // namespace
 
 std::string text_of(const std::vector<Outcome>& outcomes) {
   std::string out = "\n| figure | measured | goal | benches | |\n|---|---|---|---|---|\n";
@@ -196,20 +210,30 @@ std::string text_of(const std::vector<Outcome>& outcomes) {
   out += line("physics, effect 5 times or more", outcomes, physics_with(5, 1e9));
   const auto r = reliability(outcomes);
   out += "\nVerdicts by stated probability (o: share that was right, |: stated)\n";
-  for (std::size_t i = 0; i < r.bins.size(); ++i) {
-    const auto& bin = r.bins.at(i);
-    if (bin.count == 0) continue;
+  for_each_bin(r, [&](double from, double to, const Reliability::Bin& bin) {
     std::string scale(51, '.');
     scale[static_cast<std::size_t>(std::lround(50 * bin.stated))] = '|';
     scale[static_cast<std::size_t>(std::lround(50 * bin.right))] = 'o';
-    std::snprintf(text, sizeof text, "  %.1f-%.1f  %s  %3zu  stated %.2f  right %.2f\n",
-                  0.1 * static_cast<double>(i), 0.1 * static_cast<double>(i + 1), scale.c_str(), bin.count,
-                  bin.stated, bin.right);
+    std::snprintf(text, sizeof text, "  %-4g to %-4g  %s  %3zu  stated %.3f  right %.3f\n", from, to,
+                  scale.c_str(), bin.count, bin.stated, bin.right);
     out += text;
-  }
+  });
   std::snprintf(text, sizeof text, "  expected calibration error %.3f, Brier score %.3f\n",
                 r.expected_calibration_error, r.brier);
-  return out + text;
+  out += text;
+  out += "\n| verdict | stated probability | benches | stated | right |\n|---|---|---|---|---|\n";
+  for (const auto& [verdict, name] : enum_names(model::Verdict{})) {
+    std::vector<Outcome> of;
+    std::ranges::copy_if(outcomes, std::back_inserter(of),
+                         [n = name](const Outcome& o) { return o.verdict == n; });
+    for_each_bin(reliability(of),
+                 [&, n = std::string(name)](double from, double to, const Reliability::Bin& bin) {
+                   std::snprintf(text, sizeof text, "| %s | %g to %g | %zu | %.3f | %.3f |\n", n.c_str(),
+                                 from, to, bin.count, bin.stated, bin.right);
+                   out += text;
+                 });
+  }
+  return out;
 }
 
 nlohmann::json json_of(const std::vector<Outcome>& outcomes) {
@@ -223,9 +247,12 @@ nlohmann::json json_of(const std::vector<Outcome>& outcomes) {
                               {"benches", f.count},
                               {"met", f.count > 0 && f.met()}});
   const auto r = reliability(outcomes);
-  for (const auto& bin : r.bins)
-    out["reliability"]["bins"].push_back(
-        {{"count", bin.count}, {"stated", bin.stated}, {"right", bin.right}});
+  for (std::size_t i = 0; i < r.bins.size(); ++i)
+    out["reliability"]["bins"].push_back({{"from", Reliability::edges.at(i)},
+                                          {"to", Reliability::edges.at(i + 1)},
+                                          {"count", r.bins.at(i).count},
+                                          {"stated", r.bins.at(i).stated},
+                                          {"right", r.bins.at(i).right}});
   out["reliability"]["expected_calibration_error"] = r.expected_calibration_error;
   out["reliability"]["brier"] = r.brier;
   return out;

@@ -17,13 +17,14 @@ struct Figure {
 };
 std::vector<Figure> figures(const std::vector<Outcome>& outcomes);
 
-// Verdicts by stated probability, in tenths.
+// Verdicts by stated probability. Most are surer than 0.9, so the last tenth is divided.
 struct Reliability {
-  struct Bin {
+  static constexpr std::array edges{0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.99, 1.0};
+  struct Bin {  // from edges[i] to below edges[i + 1], the last with its end
     std::size_t count = 0;
     double stated = 0, right = 0;  // means
   };
-  std::array<Bin, 10> bins;
+  std::array<Bin, edges.size() - 1> bins;
   double expected_calibration_error = 0, brier = 0;
 };
 Reliability reliability(const std::vector<Outcome>& outcomes);
