@@ -47,7 +47,7 @@ void settle_unknown_pasts(const Model& base, Session& s) {
 }
 
 ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, double begun) {
-  return {
+  ImprovementTask task{
       .bench = &s.bench,
       .noise = &s.noise,
       .train = s.train,
@@ -60,6 +60,13 @@ ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, doub
       .selection = s.selection,
       .floor = s.options.floor,
       .tick = [&s, begun](const std::string& stage, double f) { s.tick(stage, begun + (0.95 - begun) * f); }};
+  if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return task;
+  task.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.watched({})); };
+  task.set_pasts = [&s](const std::vector<protocols::Past>& pasts) {
+    hold_pasts(s.bench, pasts);
+    tell_pasts(s);
+  };
+  return task;
 }
 
 void allow_far_search(Session& s, ImprovementTask& task) {
@@ -68,12 +75,6 @@ void allow_far_search(Session& s, ImprovementTask& task) {
                                                    const auto& ticks) {
     return search_bases(base, effects, recordings_of_search(s.data, s.bench, errors, s.train),
                         {.seed = s.options.seed, .threads = s.threads, .simulation = fine, .tick = ticks});
-  };
-  if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return;
-  task.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.watched({})); };
-  task.set_pasts = [&s](const std::vector<protocols::Past>& pasts) {
-    hold_pasts(s.bench, pasts);
-    tell_pasts(s);
   };
 }
 
