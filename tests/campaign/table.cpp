@@ -77,6 +77,13 @@ std::string line(const std::string& name, const std::vector<Outcome>& outcomes, 
   return text;
 }
 
+// Calls visit(from, to, bin) for those that hold any.
+template <class Visit>
+void for_each_bin(const Reliability& r, Visit&& visit) {
+  for (std::size_t i = 0; i < r.bins.size(); ++i)
+    if (r.bins.at(i).count > 0) visit(Reliability::edges.at(i), Reliability::edges.at(i + 1), r.bins.at(i));
+}
+
 }  // namespace
 
 std::vector<Figure> figures(const std::vector<Outcome>& all) {
@@ -171,17 +178,6 @@ Reliability reliability(const std::vector<Outcome>& outcomes) {
   out.brier /= total;
   return out;
 }
-
-namespace {
-
-// Calls visit(from, to, bin) for those that hold any.
-template <class Visit>
-void for_each_bin(const Reliability& r, Visit&& visit) {
-  for (std::size_t i = 0; i < r.bins.size(); ++i)
-    if (r.bins.at(i).count > 0) visit(Reliability::edges.at(i), Reliability::edges.at(i + 1), r.bins.at(i));
-}
-
-}  // namespace
 
 std::string text_of(const std::vector<Outcome>& outcomes) {
   std::string out = "\n| figure | measured | goal | benches | |\n|---|---|---|---|---|\n";
