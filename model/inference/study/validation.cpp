@@ -31,15 +31,27 @@ Squares squares_of(const std::vector<double>& channel) {
   return out;
 }
 
-// The channels under the drive that they want themselves, beginning with `simulated` under the drive as read.
-// Gauss-Newton: a step that does worse is halved.
-std::vector<std::vector<double>> under_posterior_drive(const WhitenedRecordings& fine,
-                                                       const WhitenedRecordings& coarse,
-                                                       const Hypothesis& hypothesis, const Eigen::VectorXd& z,
-                                                       std::size_t position,
-                                                       std::vector<std::vector<double>> simulated) {
+using Channels = std::vector<std::vector<double>>;
+
+// a + factor b.
+Channels sum(Channels a, double factor, const Channels& b) {
+  for (std::size_t c = 0; c < a.size(); ++c)
+    for (std::size_t i = 0; i < a[c].size(); ++i) a[c][i] += factor * b[c][i];
+  return a;
+}
+
+// The channels under the drive that they want themselves, where the fine simulation gives `exact` under the
+// drive as read. Gauss-Newton, by the coarse simulation corrected to that: a step that does worse is halved.
+Channels under_posterior_drive(const WhitenedRecordings& fine, const WhitenedRecordings& coarse,
+                               const Hypothesis& hypothesis, const Eigen::VectorXd& z, std::size_t position,
+                               const Channels& exact) {
   const std::size_t recording = fine.chosen()[position];
   const auto& r = fine.bench()[recording];
+  const auto moved = [&](const Eigen::VectorXd& normals) {
+    return r.with_knots_moved(r.knot_error * normals);
+  };
+  const auto correction = sum(exact, -1, coarse.simulated(hypothesis, z, recording));
+  Channels simulated = exact;
   Eigen::VectorXd normals = Eigen::VectorXd::Zero(r.knot_error.cols());
   double squares = coarse.drive_squares(position, normals, simulated);
   for (int round = 0; round < rounds; ++round) {
@@ -48,8 +60,8 @@ std::vector<std::vector<double>> under_posterior_drive(const WhitenedRecordings&
     const double before = squares;
     for (int halved = 0; halved <= most_halvings && squares == before; ++halved) {
       const Eigen::VectorXd there = normals + std::ldexp(1.0, -halved) * step;
-      const auto drive = r.with_knots_moved(r.knot_error * there);
-      auto tried = fine.simulated(hypothesis, z, recording, &drive);
+      const auto drive = moved(there);
+      auto tried = sum(coarse.simulated(hypothesis, z, recording, &drive), 1, correction);
       const double left = coarse.drive_squares(position, there, tried);
       if (!(left < squares)) continue;
       squares = left;
@@ -58,7 +70,9 @@ std::vector<std::vector<double>> under_posterior_drive(const WhitenedRecordings&
     }
     if (before - squares < settled) break;
   }
-  return simulated;
+  if (normals.isZero(0)) return exact;
+  const auto drive = moved(normals);
+  return fine.simulated(hypothesis, z, recording, &drive);
 }
 
 Prediction predict_by(const WhitenedRecordings& fine, const WhitenedRecordings* coarse,
@@ -68,7 +82,7 @@ Prediction predict_by(const WhitenedRecordings& fine, const WhitenedRecordings* 
   in_parallel(chosen.size(), fine.threads(), [&](std::size_t i) {
     out.simulated[i] = fine.simulated(hypothesis, z, chosen[i]);
     if (coarse != nullptr && !fine.bench()[chosen[i]].level_of.empty())
-      out.simulated[i] = under_posterior_drive(fine, *coarse, hypothesis, z, i, std::move(out.simulated[i]));
+      out.simulated[i] = under_posterior_drive(fine, *coarse, hypothesis, z, i, out.simulated[i]);
     for (std::size_t c = 0; c < out.simulated[i].size(); ++c)
       out.standardized[i].push_back(fine.plain_residual(chosen[i], c, out.simulated[i][c]));
   });
