@@ -47,11 +47,18 @@ Multistart fit_base(const WhitenedResiduals& coarse, WhitenedResiduals& fine, co
     options.roughly_fitted(best);
     best = minimize(coarse, base, best.z, solver);
   }
-  refine_around_anchor(coarse, fine, best, [&] { options.tick("recalibrating the model", 0.27); });
+  const auto tick = [&] { options.tick("recalibrating the model", 0.27); };
+  anchor_corrected(coarse, fine, best, tick);
+  refine(coarse, fine, best, LastSteps::cheap, tick);
+  const bool is_final = best.squares <= options.rejected;
+  if (is_final) refine_around_anchor(coarse, fine, best, tick);
   if (!std::isfinite(best.squares))
     throw Error(ErrorCode::numerical, "what was measured cannot be compared with the model",
                 Problem{.message = "their difference is not a finite number"});
-  return {std::move(best), 1 + other_starts, (least - first) / first};
+  return {.fit = std::move(best),
+          .starts = 1 + other_starts,
+          .spread = (least - first) / first,
+          .is_final = is_final};
 }
 
 }  // namespace ferrobench::model::inference

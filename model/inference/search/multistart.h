@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <string>
 
 #include "model/inference/solver/multifidelity.h"
@@ -17,14 +18,18 @@ struct MultistartOptions {
   std::function<void(const Fit&)> roughly_fitted{};
   // Asked of the fit from the first start: true ends it there, with no other starts. Null: never.
   std::function<bool(const Fit&)> is_enough{};
+  // A fit that leaves more than this sum of squares is not taken to the end of the fine simulation, which is
+  // most of what a recalibration costs.
+  double rejected = std::numeric_limits<double>::infinity();
   std::function<void(const std::string& stage, double fraction)> tick;
 };
 
 struct Multistart {
-  Fit fit;             // refined
-  int starts = 0;      // of the solver
-  double spread = 0;   // sum of squares of the best other start over that of the first, less 1
-  bool ended = false;  // by is_enough
+  Fit fit;
+  int starts = 0;         // of the solver
+  double spread = 0;      // sum of squares of the best other start over that of the first, less 1
+  bool ended = false;     // by is_enough
+  bool is_final = false;  // at the minimum of the fine simulation
 };
 
 // Throws Error(numerical) if the residuals at the best minimum are not finite.

@@ -39,6 +39,11 @@ class ForwardSelector {
   void detect() {
     out_.detected = !out_.trials.empty() && delta_bic(out_.trials.front(), samples_) > options_.detection;
   }
+  // Whether the answer hangs on what a base fit that is not at its end may still gain.
+  bool base_decides(double drop) {
+    out_.base_decides = !task_.base_is_final && drop < options_.unfinished_base * options_.detection;
+    return out_.base_decides;
+  }
   bool base_does_better() {
     if (task_.doubt_base && !out_.trials.empty()) out_.better_base = fits_.better_base(out_.trials.front());
     return out_.better_base.has_value();
@@ -210,9 +215,12 @@ ForwardSelection ForwardSelector::find() {
   out_.screened = screen(coarse_, base_, {.effects = task_.candidates, .tick = [&](double f) {
                                             fits_.tick("trying every effect", 0.3 * f);
                                           }});
+  if (base_decides(out_.screened.empty() ? 0 : out_.screened.front().drop)) return std::move(out_);
   try_singles();
   // The grain of the coarse simulation can hide a minimum that is hardly a detection.
   compare_the_best();
+  if (base_decides(out_.trials.empty() ? 0 : delta_bic(out_.trials.front(), samples_)))
+    return std::move(out_);
   detect();
   if (!out_.detected) {
     if (task_.beyond_effects) out_.left = task_.beyond_effects(base_);

@@ -40,6 +40,7 @@ bool SelectionOptions::is_valid(std::string* error) const {
   for (const auto& [name, value] :
        std::initializer_list<std::pair<const char*, double>>{{"misled_base", misled_base},
                                                              {"abandoned", abandoned},
+                                                             {"unfinished_base", unfinished_base},
                                                              {"trusted_decrease", trusted_decrease},
                                                              {"unfinished_remainder", unfinished_remainder},
                                                              {"unfinished_decrease", unfinished_decrease},

@@ -29,6 +29,11 @@ struct SelectionOptions {
   // believed if the base model's fit there is better by this drop.
   double better_base = 12;
 
+  // What a fit of the base model that was not taken to the end of the fine simulation may still gain, in
+  // detections; 512, 8 of them, were seen. A base model that leaves more above the noise than this, and that
+  // an effect beats by more, is rejected without that end, which costs as much as all the rest.
+  double unfinished_base = 10;
+
   // Screening, by the score test (selection/screening.h).
   double refit_share_of_detection =
       0.3;                            // Effects that promise less of `detection` than this are not refitted,

@@ -32,6 +32,8 @@ struct ForwardSelection {
   // A better fit of the base model that came up. Nothing else is told then: all has to be asked again from
   // it.
   std::optional<Fit> better_base;
+  // Likewise: whether what the base fit may still gain decides, so that it has to be taken to its end first.
+  bool base_decides = false;
 };
 
 // k ln n for the k parameters of the effects and n residuals: what BIC wants an explanation to earn.

@@ -14,6 +14,9 @@ namespace {
 
 // A first step changes the strength of an effect by no more than this factor.
 constexpr double farthest_scale = 20;
+// The level of the noise is known to a percent, and its squares to two. A fit that leaves no more needs no
+// other starts: none leads to less.
+constexpr double noise_squares_known = 0.02;
 
 }  // namespace
 
@@ -143,6 +146,11 @@ Fit TrialFits::add_effect(const Fit& from, const Screened& s, const SolverOption
   return minimize(coarse_, hypothesis, z, solver, &from);
 }
 
+bool TrialFits::leads_to_noise(Fit& fit) const {
+  if (!fit.fresh) refresh_jacobian(coarse_, fit);
+  return fit.fresh && fit.may_reach((1 + noise_squares_known) * samples_, 1);
+}
+
 void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
                       const Screened& s, const SolverOptions& solver) {
   const auto add = [&](Fit f, bool begun) {
@@ -168,12 +176,18 @@ void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vect
     std::ranges::move(plausible_starts(coarse_, *s.effect), std::back_inserter(starts));
     for (auto& values : starts) make_plausible(*s.effect, values);
     const auto begun = best_of(std::move(starts));
-    auto to_the_end = solver;  // tables are simulated in milliseconds
-    to_the_end.iterations = 40;
-    return add(minimize(coarse_, begun.hypothesis, begun.z, to_the_end, &begun), false);
+    auto far = solver;  // tables are simulated in milliseconds
+    far.iterations = 40;
+    return add(minimize(coarse_, begun.hypothesis, begun.z, far, &begun), false);
   }
+  const auto to_the_end = near;
   near.iterations = 3;
   add(add_effect(from, s, near), true);
+  if (auto& t = into.back(); leads_to_noise(t.fit)) {
+    set_fit(t, minimize(coarse_, t.fit.hypothesis, t.fit.z, to_the_end, &t.fit));
+    t.begun = !leads_to_noise(t.fit);
+    if (!t.begun) return;
+  }
   // Where an effect leaves next to nothing, those that stay far behind it need no other starts.
   if (auto& t = into.back(); rival < options_.misled_base * samples_) {
     if (!t.fit.fresh) refresh_jacobian(coarse_, t.fit);
@@ -240,13 +254,15 @@ void TrialFits::polish(Trial& t, const std::function<void()>& in_between) const 
 
 std::optional<Fit> TrialFits::better_base(const Trial& best) const {
   if (best.fit.jacobian.size() == 0) return std::nullopt;
+  const double gain =
+      task_.base_is_final ? options_.better_base : options_.unfinished_base * options_.detection;
   auto options = solver("no effect", 0.5);
-  options.wanted = base_.squares - options_.better_base;
+  options.wanted = base_.squares - gain;
   auto none = reduced(best, std::nullopt, options);
-  const auto is_better = [&] { return none.squares < base_.squares - options_.better_base; };
+  const auto is_better = [&] { return none.squares < base_.squares - gain; };
   if (!is_better()) return std::nullopt;
   apply_fidelity_correction(coarse_, fine_, none);
-  refine(coarse_, fine_, none, LastSteps::fine, options.tick);
+  if (task_.base_is_final) refine(coarse_, fine_, none, LastSteps::fine, options.tick);
   if (!is_better()) return std::nullopt;
   return none;
 }

@@ -70,6 +70,8 @@ class TrialFits {
   std::set<const Effect*> tried_as_given;
 
  private:
+  // Whether a Gauss-Newton step promises that only noise is left. Makes the Jacobian anew if it has to.
+  bool leads_to_noise(Fit& fit) const;
   Fit add_effect(const Fit& from, const Screened& screened, const SolverOptions& solver) const;
   static SolverOptions steps(int count, const std::function<void()>& in_between);
 

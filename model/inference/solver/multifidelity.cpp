@@ -19,6 +19,9 @@ constexpr double squares_per_doubling = 8;
 constexpr int cheaper = 4, least_domains = 1000;
 // Damping that lets directions that only priors hold go all the way.
 constexpr double hardly_damped = 1e-7;
+// The steps of a simulation at a larger tolerance change more from place to place than a fit's last steps
+// gain.
+constexpr double last_steps_tolerance = 1e-4;
 // A round that gains less than this, or than this share of the sum of squares, was the last one.
 constexpr double last_gain = 5, last_share = 1e-3;
 
@@ -44,16 +47,18 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
     int count = 0;
     double tolerance = 0;
   };
-  constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4},
-                               Choice{1000, 1e-5}, Choice{2000, 1e-4}, Choice{2000, 1e-5},
-                               Choice{4000, 1e-4}, Choice{4000, 1e-5}};
+  constexpr std::array choices{Choice{250, 1e-3},  Choice{250, 1e-4},  Choice{500, 1e-4},
+                               Choice{1000, 1e-4}, Choice{1000, 1e-5}, Choice{2000, 1e-4},
+                               Choice{2000, 1e-5}, Choice{4000, 1e-4}, Choice{4000, 1e-5}};
   std::optional<SimulationOptions> chosen;
+  const bool corrected = coarse_error > last_steps_error;
   for (const auto& [count, tolerance] : choices) {
+    if (!corrected && tolerance > last_steps_tolerance) continue;
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
     const double off = root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), fine);
     if (!chosen && off < coarse_error) chosen = coarse.simulation();
-    if (off < std::min(coarse_error, last_steps_error)) break;
+    if (off < std::min(coarse_error, last_steps_error) && tolerance <= last_steps_tolerance) break;
   }
   fine.make_last_steps_by(coarse.simulation());
   if (chosen) coarse.simulate_by(*chosen);
@@ -161,19 +166,27 @@ void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f, La
   if (!f.fresh) refresh_jacobian(coarse, f);
 }
 
-void refine_around_anchor(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
-                          const std::function<void()>& tick) {
+void anchor_corrected(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
+                      const std::function<void()>& tick) {
   fine.release();
   apply_fidelity_correction(coarse, fine, f);
+  auto next = minimize(coarse, f.hypothesis, f.z, {.iterations = 12, .enough = 1, .tick = tick}, &f);
+  apply_fidelity_correction(coarse, fine, next);
+  if (next.squares < f.squares) f = std::move(next);
+  if (!f.fresh) refresh_jacobian(coarse, f);
+  anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
+}
+
+void refine_around_anchor(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f,
+                          const std::function<void()>& tick) {
   for (int round = 0; round < most_anchors; ++round) {
-    anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
     refine(coarse, fine, f, LastSteps::fine, tick);
     const double around_anchor = f.squares;
     fine.release();
     apply_fidelity_correction(coarse, fine, f);
+    anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
     if (std::abs(f.squares - around_anchor) < unnoticed_change) break;
   }
-  anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
 }
 
 }  // namespace ferrobench::model::inference

@@ -58,8 +58,12 @@ enum class LastSteps {
 // hold, the grain of fewer nodes can carry a fit off by several of their standard deviations.
 void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit, LastSteps by,
             const std::function<void()>& tick);
-// The same by the fine simulation itself, anchored where the fit ends: where it ends so far from the anchor
-// that a verdict might notice, the anchor is moved there and the fit goes on.
+// Takes a fit to the minimum of the coarse simulation, corrected to the fine one where it stood, and anchors
+// the fine simulation where that is. Its Jacobian was made there.
+void anchor_corrected(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit,
+                      const std::function<void()>& tick);
+// Takes a fit at which the fine simulation is anchored on by the fine simulation itself: where it ends so far
+// from the anchor that a verdict might notice, the anchor is moved there and the fit goes on.
 void refine_around_anchor(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& fit,
                           const std::function<void()>& tick);
 

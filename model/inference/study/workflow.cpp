@@ -11,6 +11,7 @@
 #include "model/inference/search/multistart.h"
 #include "model/inference/selection/forward_selection.h"
 #include "model/inference/solver/covariance.h"
+#include "model/inference/solver/multifidelity.h"
 #include "recordings/format/iso_time.h"
 
 namespace ferrobench::model::inference {
@@ -18,6 +19,14 @@ namespace {
 
 // The simulations' own error, in standard deviations of the noise, that a report warns of.
 constexpr double noticeable_error = 0.05;
+
+// The level of the noise is known to a percent, and its squares to two.
+constexpr double noise_squares_known = 0.02;
+
+// A base model that leaves more than this is wrong, whatever a fit to its end may still gain.
+double rejected_above(double samples, const SelectionOptions& options) {
+  return samples + std::max(options.unfinished_base * options.detection, noise_squares_known * samples);
+}
 
 void detectable(Discovery& out, const WorkflowResult& s, const SelectionOptions& options) {
   for (const auto& c : s.forward.screened) {
@@ -177,6 +186,7 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
                                 .start = options.start,
                                 .roughly_fitted = options.roughly_fitted,
                                 .is_enough = options.is_gross,
+                                .rejected = rejected_above(coarse.samples(), selection),
                                 .tick = options.tick});
   health.starts = recalibrated.starts;
   health.start_spread = recalibrated.spread;
@@ -187,8 +197,15 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
     out.selection.probability_unknown = 1;
     return out;
   }
+  bool is_final = recalibrated.is_final;
+  const auto end_base = [&] {
+    const auto tick = [&] { options.tick("recalibrating the model to the end", 0.27); };
+    anchor_corrected(coarse, fine, out.base, tick);
+    refine_around_anchor(coarse, fine, out.base, tick);
+    is_final = true;
+  };
   double begun = 0.3;
-  for (std::size_t again = 0; again <= selection.base_restarts; ++again) {
+  for (std::size_t again = 0; again <= selection.base_restarts;) {
     const auto known = std::move(out.forward.trials);
     out.forward = select_forward(
         coarse, fine, out.base,
@@ -196,18 +213,26 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
          .known = known,
          .most_domains = options.most_domains,
          .doubt_base = again < selection.base_restarts,
+         .base_is_final = is_final,
          .beyond_effects = options.beyond_effects,
          .tick = [&](const std::string& stage, double f) { options.tick(stage, begun + (0.9 - begun) * f); }},
         selection);
+    if (out.forward.base_decides) {
+      end_base();
+      continue;
+    }
     if (!out.forward.better_base) break;
     out.base = *std::move(out.forward.better_base);
     begun += 0.5 * (0.9 - begun);
+    ++again;
   }
-  fine.release();
   out.selection = select_model(out.forward, selection, out.samples);
   const auto verdict = out.selection.verdict;
   if (verdict == Verdict::named || verdict == Verdict::ambiguous)
     out.best = out.selection.trials.front().first;
+  else if (!is_final)
+    end_base();
+  fine.release();
   for (const auto& [trial, probability] : out.selection.trials)
     health.numerical_error_over_noise = std::max(health.numerical_error_over_noise, trial->numerical_error);
   if (health.numerical_error_over_noise > noticeable_error)
