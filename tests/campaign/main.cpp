@@ -42,7 +42,7 @@ constexpr std::string_view usage =
     "  --json   a file for all that is counted\n"
     "  --strict yes: exit code 2 unless every answer is right\n";
 
-constexpr std::string_view see = "; without arguments this program says what it takes";
+constexpr std::string_view see = "; see --help";
 
 struct Arguments {
   int benches = 25, first = 0, jobs = 1;
@@ -225,7 +225,7 @@ std::vector<Outcome> judge_all(const Arguments& a) {
 int main(int argc, char** argv) {
   using namespace ferrobench;
   try {
-    if (argc < 2) {
+    if (argc < 2 || std::string_view(argv[1]) == "--help") {
       std::cout << campaign::usage;
       return 0;
     }

@@ -19,9 +19,6 @@ constexpr double squares_per_doubling = 8;
 constexpr int cheaper = 4, least_domains = 1000;
 // Damping that lets directions that only priors hold go all the way.
 constexpr double hardly_damped = 1e-7;
-// The steps of a simulation at a larger tolerance change more from place to place than a fit's last steps
-// gain.
-constexpr double last_steps_tolerance = 1e-4;
 // A round that gains less than this, or than this share of the sum of squares, was the last one.
 constexpr double last_gain = 5, last_share = 1e-3;
 
@@ -47,18 +44,16 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
     int count = 0;
     double tolerance = 0;
   };
-  constexpr std::array choices{Choice{250, 1e-3},  Choice{250, 1e-4},  Choice{500, 1e-4},
-                               Choice{1000, 1e-4}, Choice{1000, 1e-5}, Choice{2000, 1e-4},
-                               Choice{2000, 1e-5}, Choice{4000, 1e-4}, Choice{4000, 1e-5}};
+  constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4},
+                               Choice{1000, 1e-5}, Choice{2000, 1e-4}, Choice{2000, 1e-5},
+                               Choice{4000, 1e-4}, Choice{4000, 1e-5}};
   std::optional<SimulationOptions> chosen;
-  const bool corrected = coarse_error > last_steps_error;
   for (const auto& [count, tolerance] : choices) {
-    if (!corrected && tolerance > last_steps_tolerance) continue;
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
     const double off = root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), fine);
     if (!chosen && off < coarse_error) chosen = coarse.simulation();
-    if (off < std::min(coarse_error, last_steps_error) && tolerance <= last_steps_tolerance) break;
+    if (off < std::min(coarse_error, last_steps_error)) break;
   }
   fine.make_last_steps_by(coarse.simulation());
   if (chosen) coarse.simulate_by(*chosen);
