@@ -495,14 +495,16 @@ struct TwoRecordings {
   std::vector<std::vector<inference::NoiseModel>> noises;
 };
 
-TwoRecordings two_recordings() {
+TwoRecordings prepare_two(const NamedRecording& first, const NamedRecording& second) {
   std::vector<std::string> warnings;
-  auto bench = inference::prepare_bench(given(),
-                                        {{plans()[0].name, record(real_bench(), plans()[0], 1)},
-                                         {plans()[4].name, record(real_bench(), plans()[4], 2)}},
-                                        2000, warnings);
+  auto bench = inference::prepare_bench(given(), {first, second}, 2000, warnings);
   auto noises = inference::estimate_noise(bench, warnings);
   return {std::move(bench), std::move(noises)};
+}
+
+TwoRecordings two_recordings() {
+  return prepare_two({plans()[0].name, record(real_bench(), plans()[0], 1)},
+                     {plans()[4].name, record(real_bench(), plans()[4], 2)});
 }
 
 // `z` with barriers wider by 2.6: eight standard deviations of the prior.
@@ -766,6 +768,34 @@ TEST(Discrepancy, WhatAChannelLeavesIsOfAFamilyThatActsThere) {
               testing::AnyOf(Family::force_sensor, Family::strain, Family::equilibrium, Family::kinetics));
 }
 
+// A base model that is fitted, by so many steps, to two recordings of a bench.
+struct BegunBase {
+  BegunBase(const Model& measured_on, int iterations)
+      : two(prepared(measured_on)),
+        coarse(two.bench, two.noises, {0, 1}, simulation, 2),
+        fine(two.bench, two.noises, {0, 1}, simulation, 2) {
+    const auto hypothesis = inference::base_hypothesis(given(), two.bench);
+    base = inference::minimize(coarse, hypothesis, inference::prior_mean(hypothesis),
+                               {.iterations = iterations, .tick = {}});
+    inference::apply_fidelity_correction(coarse, fine, base);
+    inference::refresh_jacobian(coarse, base);
+  }
+  inference::ForwardSelection select(const inference::Fit& from, const inference::SelectionTask& task) {
+    return inference::select_forward(coarse, fine, from, task, {});
+  }
+
+  TwoRecordings two;
+  inference::WhitenedRecordings coarse, fine;
+  inference::Fit base;
+
+ private:
+  static constexpr SimulationOptions simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
+  static TwoRecordings prepared(const Model& measured_on) {
+    const auto recordings = measure(measured_on);
+    return prepare_two(recordings[0], recordings[2]);
+  }
+};
+
 // A base model that noise rejects by far is not taken to the end of the fine simulation, but stands where
 // that simulation is anchored.
 TEST(Discrepancy, ARejectedBaseIsNotTakenToItsEnd) {
@@ -798,56 +828,34 @@ TEST(Discrepancy, WhatABaseMayStillGainDecidesOnlyBesideAWeakEffect) {
   with_effect.effects.push_back({"charge_offset_current", {{"current", 6e-6}}});
   for (const auto& measured_on : {real_bench(), with_effect}) {
     const bool has_effect = measured_on.effects.size() > real_bench().effects.size();
-    const auto recordings = measure(measured_on);
-    std::vector<std::string> warnings;
-    const auto bench = inference::prepare_bench(given(), {recordings[0], recordings[2]}, 2000, warnings);
-    const auto noises = inference::estimate_noise(bench, warnings);
-    const SimulationOptions simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
-    const inference::WhitenedRecordings coarse(bench, noises, {0, 1}, simulation, 2);
-    inference::WhitenedRecordings fine(bench, noises, {0, 1}, simulation, 2);
-    const auto hypothesis = inference::base_hypothesis(given(), bench);
-    auto base = inference::minimize(coarse, hypothesis, inference::prior_mean(hypothesis),
-                                    {.iterations = 8, .tick = {}});
-    inference::apply_fidelity_correction(coarse, fine, base);
-    inference::refresh_jacobian(coarse, base);
+    BegunBase begun(measured_on, 8);
     inference::SelectionTask task{.candidates = {&find_effect("charge_offset_current")},
                                   .most_domains = 1000,
                                   .base_is_final = false,
                                   .beyond_effects = {},
                                   .tick = {}};
-    const auto forward = inference::select_forward(coarse, fine, base, task, {});
+    const auto forward = begun.select(begun.base, task);
     EXPECT_EQ(forward.base_decides, !has_effect);
     EXPECT_EQ(forward.detected, has_effect);
     task.base_is_final = true;
-    EXPECT_EQ(inference::select_forward(coarse, fine, base, task, {}).detected, has_effect);
+    EXPECT_EQ(begun.select(begun.base, task).detected, has_effect);
   }
 }
 
 // A base fit that has not arrived: what an effect seems to explain, the base does from where that led.
 TEST(Discrepancy, TheBaseIsTriedFromWhereAnEffectLed) {
-  const auto recordings = measure(real_bench());
-  std::vector<std::string> warnings;
-  const auto bench = inference::prepare_bench(given(), {recordings[0], recordings[2]}, 2000, warnings);
-  const auto noises = inference::estimate_noise(bench, warnings);
-  const SimulationOptions simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
-  const inference::WhitenedRecordings coarse(bench, noises, {0, 1}, simulation, 2);
-  inference::WhitenedRecordings fine(bench, noises, {0, 1}, simulation, 2);
-  const auto hypothesis = inference::base_hypothesis(given(), bench);
-  auto base = inference::minimize(coarse, hypothesis, inference::prior_mean(hypothesis),
-                                  {.iterations = 1, .tick = {}});
-  inference::apply_fidelity_correction(coarse, fine, base);
-  inference::refresh_jacobian(coarse, base);
+  BegunBase begun(real_bench(), 1);
   inference::SelectionTask task{.candidates = {&find_effect("displacement_drift")},
                                 .most_domains = 1000,
                                 .beyond_effects = {},
                                 .tick = {}};
-  EXPECT_FALSE(inference::select_forward(coarse, fine, base, task, {}).better_base);
+  EXPECT_FALSE(begun.select(begun.base, task).better_base);
   task.doubt_base = true;
-  const auto forward = inference::select_forward(coarse, fine, base, task, {});
+  const auto forward = begun.select(begun.base, task);
   ASSERT_TRUE(forward.better_base);
-  EXPECT_LT(forward.better_base->squares, base.squares - 12);
+  EXPECT_LT(forward.better_base->squares, begun.base.squares - 12);
   // From there, there is nothing to name.
-  EXPECT_FALSE(inference::select_forward(coarse, fine, *forward.better_base, task, {}).detected);
+  EXPECT_FALSE(begun.select(*forward.better_base, task).detected);
 }
 
 // Steps that a double holds exactly: the estimate of the noise is zero.
