@@ -17,7 +17,7 @@ struct SelectionTask {
   std::vector<Trial> known{};
   int most_domains = 0;       // of the fine simulation
   bool doubt_base = false;    // whether the base fit may have ended elsewhere than at its minimum
-  bool base_is_final = true;  // else it may still gain SelectionOptions::unfinished_base
+  bool base_is_final = true;  // else it is judged by SelectionOptions::unfinished_base
   // The drop that something that is no effect would still bring; null: not asked.
   std::function<double(const Fit&)> beyond_effects;
   std::function<void(const std::string& stage, double fraction)> tick;  // may be null; may throw

@@ -34,6 +34,7 @@ bool SelectionOptions::is_valid(std::string* error) const {
            {"refit_share_of_detection", refit_share_of_detection},
            {"refit_share_of_best", refit_share_of_best},
            {"comparable_share", comparable_share},
+           {"noise_uncertainty", noise_uncertainty},
            {"material_share", material_share},
            {"least_probability", least_probability}})
     if (!(value >= 0 && value <= 1)) return wrong(std::string(name) + " is a share, 0 to 1");

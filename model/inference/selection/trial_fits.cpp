@@ -14,9 +14,6 @@ namespace {
 
 // A first step changes the strength of an effect by no more than this factor.
 constexpr double farthest_scale = 20;
-// The level of the noise is known to a percent, and its squares to two. A fit that leaves no more needs no
-// other starts: none leads to less.
-constexpr double noise_squares_known = 0.02;
 
 }  // namespace
 
@@ -148,7 +145,7 @@ Fit TrialFits::add_effect(const Fit& from, const Screened& s, const SolverOption
 
 bool TrialFits::leads_to_noise(Fit& fit) const {
   if (!fit.fresh) refresh_jacobian(coarse_, fit);
-  return fit.fresh && fit.may_reach((1 + noise_squares_known) * samples_, 1);
+  return fit.fresh && fit.may_reach((1 + options_.noise_uncertainty) * samples_, 1);
 }
 
 void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,

@@ -20,12 +20,9 @@ namespace {
 // The simulations' own error, in standard deviations of the noise, that a report warns of.
 constexpr double noticeable_error = 0.05;
 
-// The level of the noise is known to a percent, and its squares to two.
-constexpr double noise_squares_known = 0.02;
-
 // A base model that leaves more than this is wrong, whatever a fit to its end may still gain.
 double rejected_above(double samples, const SelectionOptions& options) {
-  return samples + std::max(options.unfinished_base * options.detection, noise_squares_known * samples);
+  return samples + std::max(options.unfinished_base * options.detection, options.noise_uncertainty * samples);
 }
 
 void detectable(Discovery& out, const WorkflowResult& s, const SelectionOptions& options) {
