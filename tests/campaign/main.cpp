@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "tests/campaign/table.h"
+#include "tests/campaign/thresholds.h"
 
 namespace ferrobench::campaign {
 
@@ -27,10 +28,14 @@ constexpr std::string_view usage =
     "[--commanded SHARE] "
     "[--vary V,V]\n"
     "ferrobench_campaign --judge FOUND --read FOLDER [--json OUT] [--strict yes]\n"
+    "ferrobench_campaign --thresholds LOG --read FOLDER [--benches N] [--first I] [--jobs J] [--only T,T]\n"
     "  --write  makes benches (model.json, truth.json, *.h5) in FOLDER/bench-NNN, and FOLDER/manifest.json "
     "for\n"
     "           'ferrobench batch discover FOLDER/manifest.json --out FOUND'\n"
     "  --judge  counts the answers of that batch against what was hidden in the benches of --read\n"
+    "  --thresholds  asks the benches of --read in this process, with each threshold of the search halved\n"
+    "           and doubled; LOG keeps a line for each answer, and what it holds is not asked again\n"
+    "  --only   of these thresholds alone\n"
     "  --kind   single | pair | nothing | moved | outside | withheld | coloured | physics; without it a\n"
     "           mixture of all but the last\n"
     "  --first  index of the first bench\n"
@@ -49,7 +54,8 @@ struct Arguments {
   std::uint64_t seed = 1;
   std::optional<Kind> kind;
   BenchOptions bench{};
-  std::string write, judge, read, json;
+  std::string write, judge, thresholds, read, json;
+  std::vector<std::string> only;
   bool strict = false;
 };
 
@@ -66,13 +72,19 @@ Number number(const std::string& name, const std::string& text) {
   return out;
 }
 
+std::vector<std::string> words_of(const std::string& list) {
+  std::vector<std::string> out;
+  std::istringstream words(list);
+  for (std::string word; std::getline(words, word, ',');) out.push_back(word);
+  return out;
+}
+
 void vary(BenchOptions& bench, const std::string& what) {
   const std::map<std::string, bool*> places{{"low_noise", &bench.low_noise},
                                             {"few_recordings", &bench.few_recordings},
                                             {"past", &bench.past},
                                             {"charge_only", &bench.charge_only}};
-  std::istringstream words(what);
-  for (std::string word; std::getline(words, word, ',');) {
+  for (const auto& word : words_of(what)) {
     const auto place = places.find(word);
     if (place == places.end()) throw bad("--vary", word, "low_noise, few_recordings, past, charge_only");
     *place->second = true;
@@ -103,6 +115,10 @@ Arguments parse(std::span<char*> words) {
       a.judge = value;
     } else if (name == "--read") {
       a.read = value;
+    } else if (name == "--thresholds") {
+      a.thresholds = value;
+    } else if (name == "--only") {
+      a.only = words_of(value);
     } else if (name == "--json") {
       a.json = value;
     } else if (name == "--vary") {
@@ -116,9 +132,10 @@ Arguments parse(std::span<char*> words) {
       throw Error(ErrorCode::invalid_params, name + " is not known" + std::string(see));
     }
   }
-  if (a.write.empty() == a.judge.empty() || a.judge.empty() != a.read.empty())
+  const bool reads = !a.judge.empty() || !a.thresholds.empty();
+  if (a.write.empty() + a.judge.empty() + a.thresholds.empty() != 2 || reads == a.read.empty())
     throw Error(ErrorCode::invalid_params,
-                "either --write or --judge with --read is wanted" + std::string(see));
+                "either --write is wanted, or --judge or --thresholds with --read" + std::string(see));
   return a;
 }
 
@@ -232,6 +249,16 @@ int main(int argc, char** argv) {
     const auto arguments = campaign::parse({argv, static_cast<std::size_t>(argc)});
     if (!arguments.write.empty()) {
       campaign::write_all(arguments);
+      return 0;
+    }
+    if (!arguments.thresholds.empty()) {
+      campaign::ask_with_other_thresholds({.benches = arguments.read,
+                                           .log = arguments.thresholds,
+                                           .first = arguments.first,
+                                           .count = arguments.benches,
+                                           .jobs = arguments.jobs,
+                                           .only = arguments.only});
+      std::cout << campaign::table_of_thresholds(arguments.thresholds);
       return 0;
     }
     const auto outcomes = campaign::judge_all(arguments);

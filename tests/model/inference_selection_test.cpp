@@ -207,5 +207,32 @@ TEST(SelectionOptions, SayWhatIsWrongWithThem) {
   EXPECT_THAT(error, testing::HasSubstr("material_share"));
 }
 
+TEST(SelectionOptions, AreEachCheckedAgainstItsRange) {
+  for (const auto& threshold : thresholds())
+    if (const auto* member = std::get_if<double SelectionOptions::*>(&threshold.member)) {
+      SelectionOptions wrong;
+      wrong.** member = threshold.range == Threshold::Range::below_one ? 1.5 : -1;
+      std::string error;
+      EXPECT_FALSE(wrong.is_valid(&error)) << threshold.name;
+      EXPECT_THAT(error, testing::StartsWith(std::string(threshold.name)));
+    }
+}
+
+TEST(SelectionOptions, AreHalvedAndDoubledOneByOne) {
+  for (const auto& threshold : thresholds())
+    for (const double factor : {0.5, 2.0}) {
+      const auto changed = scaled({}, threshold, factor);
+      std::string error;
+      EXPECT_TRUE(changed.is_valid(&error)) << error;
+      EXPECT_NE(value_of(changed, threshold), value_of({}, threshold)) << threshold.name;
+      for (const auto& other : thresholds()) {
+        if (other.name == threshold.name) continue;
+        EXPECT_EQ(value_of(changed, other), value_of({}, other)) << threshold.name << ", " << other.name;
+      }
+    }
+  const auto* confident = std::ranges::find(thresholds(), "confident", &Threshold::name).base();
+  EXPECT_NEAR(scaled({}, *confident, 2).confident, 0.8, 1e-12) << "0.1 from one before, 0.2 now";
+}
+
 }  // namespace
 }  // namespace ferrobench::model::inference

@@ -1,11 +1,113 @@
 #include "model/inference/selection/selection_options.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <initializer_list>
-#include <utility>
 
 namespace ferrobench::model::inference {
+
+namespace {
+
+using Range = Threshold::Range;
+
+bool is_within(double value, Range range) {
+  switch (range) {
+    case Range::positive:
+      return value > 0;
+    case Range::not_negative:
+      return value >= 0;
+    case Range::share:
+      return value >= 0 && value <= 1;
+    case Range::below_one:
+      return value >= 0 && value < 1;
+    case Range::at_least_one:
+    case Range::above_one:
+      return value >= 1;
+  }
+  return false;
+}
+
+std::string_view in_words(Range range) {
+  switch (range) {
+    case Range::positive:
+      return " must be above 0";
+    case Range::not_negative:
+      return " must not be negative";
+    case Range::share:
+      return " is a share, 0 to 1";
+    case Range::below_one:
+      return " is a share below 1";
+    case Range::at_least_one:
+    case Range::above_one:
+      return " must be at least 1";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::span<const Threshold> thresholds() {
+  using O = SelectionOptions;
+  static constexpr auto all = std::to_array<Threshold>({
+      {"detection", &O::detection},
+      {"second_detection", &O::second_detection},
+      {"relative_remainder", &O::relative_remainder},
+      {"lack_of_fit", &O::lack_of_fit},
+      {"misled_base", &O::misled_base, Range::above_one},
+      {"better_base", &O::better_base},
+      {"unfinished_base", &O::unfinished_base, Range::at_least_one},
+      {"noise_uncertainty", &O::noise_uncertainty, Range::share},
+      {"refit_share_of_detection", &O::refit_share_of_detection, Range::share},
+      {"refit_share_of_best", &O::refit_share_of_best, Range::share},
+      {"testable", &O::testable},
+      {"single_refits", &O::single_refits, Range::at_least_one},
+      {"compared", &O::compared, Range::at_least_one},
+      {"first_effects", &O::first_effects, Range::at_least_one},
+      {"second_effects", &O::second_effects, Range::at_least_one},
+      {"checked_pairs", &O::checked_pairs, Range::at_least_one},
+      {"plausible_refits", &O::plausible_refits, Range::at_least_one},
+      {"starts_per_effect", &O::starts_per_effect, Range::at_least_one},
+      {"starts_in_all", &O::starts_in_all, Range::at_least_one},
+      {"stepped_starts", &O::stepped_starts, Range::at_least_one},
+      {"abandoned", &O::abandoned, Range::above_one},
+      {"trusted_decrease", &O::trusted_decrease, Range::at_least_one},
+      {"wild_step", &O::wild_step},
+      {"base_restarts", &O::base_restarts, Range::not_negative},
+      {"unfinished_remainder", &O::unfinished_remainder, Range::at_least_one},
+      {"unfinished_decrease", &O::unfinished_decrease, Range::at_least_one},
+      {"reachable_remainder", &O::reachable_remainder},
+      {"hopeless_remainder", &O::hopeless_remainder},
+      {"material_share", &O::material_share, Range::below_one},
+      {"comparable_share", &O::comparable_share, Range::share},
+      {"likelihood_tempering", &O::likelihood_tempering, Range::at_least_one},
+      {"confident", &O::confident, Range::below_one},
+      {"detection_width", &O::detection_width},
+      {"sufficiency_power", &O::sufficiency_power},
+      {"least_probability", &O::least_probability, Range::share},
+      {"plausible_margin", &O::plausible_margin, Range::above_one},
+      {"equivalent", &O::equivalent},
+      {"decisive_odds", &O::decisive_odds, Range::at_least_one},
+      {"longest_experiment", &O::longest_experiment},
+      {"experiment_rows", &O::experiment_rows, Range::at_least_one},
+  });
+  static_assert(sizeof(O) == (all.size() + 1) * sizeof(double), "one is missing; single_effect is none");
+  return all;
+}
+
+double value_of(const SelectionOptions& options, const Threshold& threshold) {
+  return std::visit([&](auto member) { return static_cast<double>(options.*member); }, threshold.member);
+}
+
+SelectionOptions scaled(SelectionOptions options, const Threshold& threshold, double factor) {
+  const double value = value_of(options, threshold);
+  const bool from_one = threshold.range == Range::below_one || threshold.range == Range::above_one;
+  const double changed = from_one ? 1 + factor * (value - 1) : factor * value;
+  if (const auto* count = std::get_if<std::size_t SelectionOptions::*>(&threshold.member))
+    options.*(*count) = static_cast<std::size_t>(std::max(1.0, std::round(changed)));
+  else
+    options.*std::get<double SelectionOptions::*>(threshold.member) = changed;
+  return options;
+}
 
 void SelectionOptions::raise_detection(double drop) {
   const double ratio = std::max(1.0, drop / detection);
@@ -18,51 +120,12 @@ bool SelectionOptions::is_valid(std::string* error) const {
     if (error != nullptr) *error = what;
     return false;
   };
-  for (const auto& [name, value] :
-       std::initializer_list<std::pair<const char*, double>>{{"detection", detection},
-                                                             {"second_detection", second_detection},
-                                                             {"relative_remainder", relative_remainder},
-                                                             {"lack_of_fit", lack_of_fit},
-                                                             {"better_base", better_base},
-                                                             {"testable", testable},
-                                                             {"wild_step", wild_step},
-                                                             {"detection_width", detection_width},
-                                                             {"sufficiency_power", sufficiency_power},
-                                                             {"longest_experiment", longest_experiment}})
-    if (!(value > 0) || !std::isfinite(value)) return wrong(std::string(name) + " must be above 0");
-  for (const auto& [name, value] : std::initializer_list<std::pair<const char*, double>>{
-           {"refit_share_of_detection", refit_share_of_detection},
-           {"refit_share_of_best", refit_share_of_best},
-           {"comparable_share", comparable_share},
-           {"noise_uncertainty", noise_uncertainty},
-           {"material_share", material_share},
-           {"least_probability", least_probability}})
-    if (!(value >= 0 && value <= 1)) return wrong(std::string(name) + " is a share, 0 to 1");
-  for (const auto& [name, value] :
-       std::initializer_list<std::pair<const char*, double>>{{"misled_base", misled_base},
-                                                             {"abandoned", abandoned},
-                                                             {"unfinished_base", unfinished_base},
-                                                             {"trusted_decrease", trusted_decrease},
-                                                             {"unfinished_remainder", unfinished_remainder},
-                                                             {"unfinished_decrease", unfinished_decrease},
-                                                             {"likelihood_tempering", likelihood_tempering},
-                                                             {"plausible_margin", plausible_margin},
-                                                             {"decisive_odds", decisive_odds}})
-    if (!(value >= 1)) return wrong(std::string(name) + " must be at least 1");
-  for (const auto& [name, value] :
-       std::initializer_list<std::pair<const char*, std::size_t>>{{"single_refits", single_refits},
-                                                                  {"compared", compared},
-                                                                  {"first_effects", first_effects},
-                                                                  {"second_effects", second_effects},
-                                                                  {"checked_pairs", checked_pairs},
-                                                                  {"plausible_refits", plausible_refits},
-                                                                  {"starts_per_effect", starts_per_effect},
-                                                                  {"starts_in_all", starts_in_all},
-                                                                  {"stepped_starts", stepped_starts},
-                                                                  {"experiment_rows", experiment_rows}})
-    if (value == 0) return wrong(std::string(name) + " must be at least 1");
-  if (material_share == 1) return wrong("material_share must be below 1: an effect cannot take all there is");
-  if (!(confident > 0.5 && confident < 1)) return wrong("confident is a probability, 0.5 to 1");
+  for (const auto& threshold : thresholds()) {
+    const double value = value_of(*this, threshold);
+    if (!std::isfinite(value) || !is_within(value, threshold.range))
+      return wrong(std::string(threshold.name) + std::string(in_words(threshold.range)));
+  }
+  if (!(confident > 0.5)) return wrong("confident is a probability, 0.5 to 1");
   if (!(unfinished_remainder <= reachable_remainder && reachable_remainder <= hopeless_remainder))
     return wrong("unfinished_remainder, reachable_remainder and hopeless_remainder must rise");
   return true;

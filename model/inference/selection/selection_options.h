@@ -6,7 +6,10 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <string>
+#include <string_view>
+#include <variant>
 
 namespace ferrobench::model::inference {
 
@@ -104,5 +107,20 @@ struct SelectionOptions {
   // False if a value makes no sense; then `error` says which and why.
   bool is_valid(std::string* error) const;
 };
+
+// A member of these options, for what goes through all of them: their validation, and the campaign that asks
+// what halving and doubling each changes.
+struct Threshold {
+  // What it may be. To halve a value of the last two kinds is to halve its distance from one.
+  enum class Range { positive, not_negative, share, at_least_one, below_one, above_one };
+  std::string_view name;
+  std::variant<double SelectionOptions::*, std::size_t SelectionOptions::*> member;
+  Range range = Range::positive;
+};
+std::span<const Threshold> thresholds();
+
+// With one of them times `factor`, in the sense of its range; numbers of things are rounded, to one at least.
+SelectionOptions scaled(SelectionOptions options, const Threshold& threshold, double factor);
+double value_of(const SelectionOptions& options, const Threshold& threshold);
 
 }  // namespace ferrobench::model::inference
