@@ -1,11 +1,11 @@
 #include "tests/campaign/thresholds.h"
 
 #include <fmt/format.h>
-#include <time.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -19,7 +19,6 @@
 
 namespace ferrobench::campaign {
 
-using model::inference::SelectionOptions;
 using model::inference::Threshold;
 using nlohmann::json;
 
@@ -95,7 +94,7 @@ json answer(const ThresholdStudy& study, const Question& q) {
   std::vector<model::NamedRecording> recordings;
   const auto names = read_json(folder + "/truth.json").at("recordings").get<std::vector<std::string>>();
   for (const auto& name : names)
-    recordings.push_back({name, recordings::read_recording(folder + "/" + name + ".h5")});
+    recordings.push_back({name, recordings::read_recording(fmt::format("{}/{}.h5", folder, name))});
   model::DiscoverOptions options;
   options.seed = bench.seed;
   options.candidates = bench.candidates;

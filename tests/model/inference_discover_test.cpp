@@ -404,6 +404,29 @@ TEST(Discrepancy, AnEffectIsNamedBesideACorrectionOfTheKinetics) {
   EXPECT_EQ(found.improved.effects.size(), 2U);
 }
 
+// A spring that bends, which may not be named, and a drag that takes less than its share of the gap while
+// that stands beside it. Beside the table that stands for the spring it takes nearly all that is left.
+TEST(Discrepancy, AnEffectIsNamedBesideATable) {
+  auto bench = real_bench();
+  bench.effects.push_back({"spring_hardening", {{"coefficient", 4e3}}});
+  bench.effects.push_back({"domain_wall_drag", {{"coefficient", 2e4}}});
+  const auto found =
+      discover(given(), measure(bench), {.candidates = {"domain_wall_drag", "displacement_clipping"}});
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  ASSERT_EQ(found.explanations.size(), 1U);
+  ASSERT_EQ(found.explanations.front().effects.size(), 1U);
+  EXPECT_EQ(found.explanations.front().effects.front().id, "domain_wall_drag");
+  ASSERT_EQ(found.added.size(), 2U) << text_report(found);
+  EXPECT_EQ(found.added[0].term.id, "empirical_spring");
+  EXPECT_TRUE(found.added[0].empirical);
+  EXPECT_EQ(found.added[1].term.id, "domain_wall_drag");
+  EXPECT_FALSE(found.added[1].empirical);
+  EXPECT_NEAR(found.added[1].term.parameters.front().value, 2e4, 2e3);
+  EXPECT_GT(found.share_held_out, 0.9) << text_report(found);
+  for (const auto& [path, moved] : found.recalibrated) EXPECT_FALSE(path.starts_with("effects.")) << path;
+  EXPECT_EQ(found.improved.effects.size(), 2U);
+}
+
 // A smaller gap beside instruments that are a few percent off: what narrows it goes by noise, with what was
 // recalibrated, and leaves no more in any channel, learned or locked, than stood before.
 TEST(Discrepancy, NarrowingASmallGapKeepsTheInstruments) {

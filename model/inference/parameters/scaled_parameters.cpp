@@ -154,6 +154,15 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
   return out;
 }
 
+Hypothesis without_effect(Hypothesis h, const std::string& id) {
+  std::erase_if(h.model.effects, [&](const EffectSetting& e) { return e.id == id; });
+  const auto its = [&](const ScaledParameter& p) { return p.path.starts_with("effects." + id + "."); };
+  const auto base = h.parameters.begin() + static_cast<std::ptrdiff_t>(h.base_count);
+  h.base_count -= static_cast<std::size_t>(std::count_if(h.parameters.begin(), base, its));
+  std::erase_if(h.parameters, its);
+  return h;
+}
+
 Amplitude::Amplitude(const EffectParameter& p) : off_at_infinity(p.off_at_infinity), any_sign(p.any_sign) {
   weak = strength(p.off_at_infinity ? p.high : p.low);
   strong = strength(p.off_at_infinity ? p.low : p.high);

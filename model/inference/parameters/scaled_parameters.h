@@ -63,6 +63,9 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
 // With one more effect, standing at these values of its parameters; its parameters are the last ones.
 Hypothesis with_effect(const Hypothesis& hypothesis, const Effect& effect, const std::vector<double>& values);
 
+// Without one of the model's effects and its parameters.
+Hypothesis without_effect(Hypothesis hypothesis, const std::string& id);
+
 // How an effect's amplitude is moved from very weak to very strong.
 struct Amplitude {
   explicit Amplitude(const EffectParameter& parameter);

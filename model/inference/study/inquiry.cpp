@@ -73,7 +73,7 @@ std::set<std::size_t> Inquiry::run() {
   const double error = choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains);
   s_.out.health.numerical_error_over_noise = error;
   s_.selection.raise_detection(error * error * fine_.samples());
-  found_ = ask(base_, true, s_.start, {0, share_of_selection});
+  found_ = ask(base_, true, s_.start, {0, share_of_selection}, s_.selection);
   if (found_.gross) improve_gross();
   untestable_ = s_.out.not_testable;
   summarize(found_, s_.selection, s_.out);
@@ -93,14 +93,15 @@ SimulationOptions Inquiry::fine_for(const Model& base) const {
 }
 
 // With what was learned of the fidelities so far. Recalibrates from `start`, or from the given values.
-WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of) {
+WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of,
+                            const SelectionOptions& selection) {
   auto out = run_workflow(
       coarse_, fine_, base,
       {.candidates = s_.candidates,
        .seed = s_.options.seed,
        .start = std::move(start),
        .most_domains = most_domains,
-       .selection = s_.selection,
+       .selection = selection,
        .roughly_fitted =
            [this](const Fit& f) {
              coarse_.marginalize_drive(f.hypothesis, f.z);
@@ -123,15 +124,22 @@ WhitenedRecordings Inquiry::locked_by(const SimulationOptions& simulation) const
   return {s_.bench, s_.noise, s_.held_out, simulation, s_.threads};
 }
 
-// Whether the best explanation gains no more in all recordings together, those that were locked away among
-// them, than two programs for the same model differ by. Pasts are those that stand, for it as for the base.
-bool Inquiry::is_refuted(const WorkflowResult& found) const {
-  if (found.best == nullptr || s_.held_out.empty()) return false;
+// What the recalibrated base and the best explanation leave of the recordings that were locked away, above
+// the noise. Pasts are those that stand, for it as for the base.
+Inquiry::LockedExcess Inquiry::locked_excess(const WorkflowResult& found) const {
   const auto fine = locked_by(fine_.simulation()), coarse = locked_by(coarse_.simulation());
   const auto excess = [&](const Fit& f) {
     return excess_squares(predict(fine, coarse, f.hypothesis, f.z).standardized);
   };
-  return found.best->drop + excess(found.base) - excess(found.best->fit) < s_.selection.detection;
+  return {excess(found.base), excess(found.best->fit)};
+}
+
+// Whether the best explanation gains no more in all recordings together, those that were locked away among
+// them, than two programs for the same model differ by.
+bool Inquiry::is_refuted(const WorkflowResult& found) const {
+  if (found.best == nullptr || s_.held_out.empty()) return false;
+  const auto [before, after] = locked_excess(found);
+  return found.best->drop + before - after < s_.selection.detection;
 }
 
 void Inquiry::improve_gross() {
@@ -148,7 +156,7 @@ void Inquiry::improve_gross() {
   if (!base_alone && std::ranges::all_of(improved_->added, &AddedTerm::empirical)) return;
   auto again = ask(base_, false,
                    base_alone ? carried_over(base_, improved_->hypothesis, improved_->z) : Eigen::VectorXd{},
-                   {0, share_of_selection});
+                   {0, share_of_selection}, s_.selection);
   if (again.best != nullptr || base_alone) {
     found_ = std::move(again);
     improved_.reset();
@@ -179,22 +187,37 @@ void Inquiry::improve_beyond_effects() {
   const bool unknown = s_.out.verdict == Verdict::unknown;
   if (!unknown && !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor)) return;
   auto task = improvement_task(s_, fine_.simulation(),
-                               corrections_.empty() ? share_of_selection : share_of_second_selection);
+                               terms_.empty() ? share_of_selection : share_of_second_selection);
   std::erase_if(task.corrections, [this](const Effect* e) {
-    return std::ranges::any_of(corrections_, [e](const AddedTerm& a) { return a.term.id == e->id; });
+    return std::ranges::any_of(terms_, [e](const AddedTerm& a) { return a.term.id == e->id; });
   });
   if (unknown)
     task.by_noise = &coarse_;
   else
     task.named = s_.out.added;
-  task.tables_beside_corrections = !unknown || !corrections_.empty();
+  task.tables_beside_corrections = !unknown || !terms_.empty();
   auto improved = improve(after_, task, s_.out.health.warnings);
   if (improved && !task.tables_beside_corrections && std::ranges::any_of(improved->added, is_correction)) {
     if (ask_beside_corrections(*improved)) return improve_beyond_effects();
     task.tables_beside_corrections = true;
     improved = improve(after_, task, s_.out.health.warnings);
   }
+  if (improved && unknown && ask_beside_tables(*improved)) return;
   if (improved && improved->added.size() > task.named.size()) improved_ = std::move(improved);
+}
+
+// A name is given beside empirical terms if nothing is left, and if the effect takes as much of what they
+// leave as it has to where a model is wrong a little: they stand for what has no name, and do so nearly.
+bool Inquiry::is_named_beside_terms(const WorkflowResult& again) const {
+  return again.best != nullptr && again.selection.sufficient &&
+         share_of_excess(again.base, again.best->fit, coarse_.samples()) >= s_.selection.material_share;
+}
+
+// Whether it takes as much of what the recordings that were locked away have above their noise.
+bool Inquiry::holds_where_locked(const WorkflowResult& again) const {
+  if (s_.held_out.empty()) return true;
+  const auto [before, after] = locked_excess(again);
+  return after <= (1 - s_.selection.material_share) * before;
 }
 
 // Corrections of the kinetics make another base. Recalibrated from where the base was given it may end in
@@ -208,34 +231,57 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   stood.z = narrowed.z;
   stand_at(coarse_, stood);
   auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
-                   false, {}, {share_of_selection, share_of_second_selection});
-  // A name is given if nothing is left beside it, and if it takes as much of what the corrections leave as it
-  // has to where a model is wrong a little: corrections stand for what has no name, and do so nearly.
-  const bool named =
-      again.best != nullptr && again.selection.sufficient &&
-      share_of_excess(again.base, again.best->fit, coarse_.samples()) >= s_.selection.material_share;
-  const auto& fit = named ? again.best->fit : again.base;
-  if (fit.squares > stood.squares) return false;
-  after_ = fit;
+                   false, {}, {share_of_selection, share_of_second_selection}, s_.selection);
+  const bool named = is_named_beside_terms(again);
+  if ((named ? again.best->fit : again.base).squares > stood.squares) return false;
+  terms_ = std::move(corrections);
+  tell_beside_terms(std::move(again), named);
+  return true;
+}
+
+// An effect that did not take its share of the gap may have shared it with physics that has no name. Where
+// tables narrow it beside the effect they become part of the base as they stand, the effect is taken out, and
+// the workflow is gone through from there. Tables only stand for what is
+// true, so an effect is sufficient beside them that takes its share of what they leave. Whether one is named.
+bool Inquiry::ask_beside_tables(const Improvement& narrowed) {
+  Hypothesis base = narrowed.hypothesis;
+  std::vector<AddedTerm> tables;
+  for (const auto& a : narrowed.added)
+    if (a.empirical)
+      tables.push_back(a);
+    else
+      base = without_effect(std::move(base), a.term.id);
+  if (tables.empty() || tables.size() == narrowed.added.size()) return false;
+  base.base_count = base.parameters.size();
+  auto selection = s_.selection;
+  selection.relative_remainder = 1 - selection.material_share;
+  auto again = ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z),
+                   {share_of_second_selection, share_of_second_selection}, selection);
+  if (!is_named_beside_terms(again) || !holds_where_locked(again)) return false;
+  std::ranges::move(tables, std::back_inserter(terms_));
+  tell_beside_terms(std::move(again), true);
+  return true;
+}
+
+void Inquiry::tell_beside_terms(WorkflowResult again, bool named) {
   found_ = std::move(again);
-  corrections_ = std::move(corrections);
+  after_ = named ? found_.best->fit : found_.base;
   auto& out = s_.out;
   if (named) {
     out.not_testable = untestable_;
     summarize(found_, s_.selection, out);
     compare_explanations();
   }
-  out.added.insert(out.added.begin(), corrections_.begin(), corrections_.end());
+  out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
   estimate_terms(after_, after_.hypothesis, after_.z, out.added);
   out.recalibrated = recalibrations(after_, s_.selection);
-  for (const auto& a : corrections_)
+  for (const auto& a : terms_)
     std::erase_if(out.recalibrated,
                   [&](const auto& r) { return r.first.starts_with("effects." + a.term.id + "."); });
   out.recalibrated_base = model_at(before_, "Recalibrated.");
   out.improved =
-      model_at(after_, named ? "Recalibrated, with what was found missing and corrections that have no name."
+      model_at(after_, named ? "Recalibrated, with what was found missing and terms that have no name."
                              : gap_without_a_name);
-  return true;
 }
 
 // A gross base counts under the pasts that are likeliest for it, as what was added does under its own.
@@ -254,7 +300,7 @@ void Inquiry::tell_improvement() {
   stand_at(coarse_, after_);
   out.added = improved_->added;
   if (!found_.gross && out.verdict == Verdict::unknown) {
-    out.added.insert(out.added.begin(), corrections_.begin(), corrections_.end());
+    out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
     estimate_terms(after_, after_.hypothesis, after_.z, out.added);
   }
   if (found_.gross) {

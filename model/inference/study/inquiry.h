@@ -25,13 +25,22 @@ class Inquiry {
   struct Progress {
     double from = 0, to = 1;
   };
-  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of);
+  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of,
+                     const SelectionOptions& selection);
   WhitenedRecordings locked_by(const SimulationOptions& simulation) const;
+  struct LockedExcess {
+    double before = 0, after = 0;
+  };
+  LockedExcess locked_excess(const WorkflowResult& found) const;
   bool is_refuted(const WorkflowResult& found) const;
   void improve_gross();
   void compare_explanations();
   void improve_beyond_effects();
   bool ask_beside_corrections(const Improvement& narrowed);
+  bool ask_beside_tables(const Improvement& narrowed);
+  bool is_named_beside_terms(const WorkflowResult& again) const;
+  bool holds_where_locked(const WorkflowResult& again) const;
+  void tell_beside_terms(WorkflowResult again, bool named);
   void under_pasts_of_base(const std::function<void()>& what);
   void tell_improvement();
   void tell_where();
@@ -41,7 +50,7 @@ class Inquiry {
   Hypothesis base_;
   WhitenedRecordings coarse_, fine_;
   WorkflowResult found_;
-  std::vector<AddedTerm> corrections_;   // of the kinetics, beside which `found_` was asked for
+  std::vector<AddedTerm> terms_;         // empirical ones, beside which `found_` was asked for
   std::vector<std::string> untestable_;  // whatever the model
   std::optional<Improvement> improved_;
   Fit before_, after_;  // the recalibrated base, and with what is added
