@@ -422,6 +422,11 @@ TEST(Discrepancy, AnEffectIsNamedBesideATable) {
   EXPECT_EQ(found.added[1].term.id, "domain_wall_drag");
   EXPECT_FALSE(found.added[1].empirical);
   EXPECT_NEAR(found.added[1].term.parameters.front().value, 2e4, 2e3);
+  EXPECT_EQ(found.added[1].term.parameters.front().low,
+            found.explanations.front().effects.front().parameters.front().low)
+      << "one interval in one answer";
+  EXPECT_GT(found.added[1].share.value_or(0), 0.9);
+  EXPECT_GT(found.added[1].share_held_out.value_or(0), 0.7);
   EXPECT_GT(found.share_held_out, 0.9) << text_report(found);
   for (const auto& [path, moved] : found.recalibrated) EXPECT_FALSE(path.starts_with("effects.")) << path;
   EXPECT_EQ(found.improved.effects.size(), 2U);

@@ -127,6 +127,7 @@ WhitenedRecordings Inquiry::locked_by(const SimulationOptions& simulation) const
 // What the recalibrated base and the best explanation leave of the recordings that were locked away, above
 // the noise. Pasts are those that stand, for it as for the base.
 Inquiry::LockedExcess Inquiry::locked_excess(const WorkflowResult& found) const {
+  if (s_.held_out.empty()) return {};
   const auto fine = locked_by(fine_.simulation()), coarse = locked_by(coarse_.simulation());
   const auto excess = [&](const Fit& f) {
     return excess_squares(predict(fine, coarse, f.hypothesis, f.z).standardized);
@@ -213,13 +214,6 @@ bool Inquiry::is_named_beside_terms(const WorkflowResult& again) const {
          share_of_excess(again.base, again.best->fit, coarse_.samples()) >= s_.selection.material_share;
 }
 
-// Whether it takes as much of what the recordings that were locked away have above their noise.
-bool Inquiry::holds_where_locked(const WorkflowResult& again) const {
-  if (s_.held_out.empty()) return true;
-  const auto [before, after] = locked_excess(again);
-  return after <= (1 - s_.selection.material_share) * before;
-}
-
 // Corrections of the kinetics make another base. Recalibrated from where the base was given it may end in
 // another valley, and beside it effects may show that the wrong base hid. Whether that leads farther down;
 // then it takes the place of what was found.
@@ -257,9 +251,16 @@ bool Inquiry::ask_beside_tables(const Improvement& narrowed) {
   selection.relative_remainder = 1 - selection.material_share;
   auto again = ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z),
                    {share_of_second_selection, share_of_second_selection}, selection);
-  if (!is_named_beside_terms(again) || !holds_where_locked(again)) return false;
+  if (!is_named_beside_terms(again)) return false;
+  const auto [before, after] = locked_excess(again);
+  if (after > (1 - s_.selection.material_share) * before) return false;
+  const double share = share_of_excess(again.base, again.best->fit, coarse_.samples());
   std::ranges::move(tables, std::back_inserter(terms_));
   tell_beside_terms(std::move(again), true);
+  if (found_.best->effects.size() == 1) {
+    s_.out.added.back().share = share;
+    if (before > 0) s_.out.added.back().share_held_out = 1 - after / before;
+  }
   return true;
 }
 
@@ -272,8 +273,8 @@ void Inquiry::tell_beside_terms(WorkflowResult again, bool named) {
     summarize(found_, s_.selection, out);
     compare_explanations();
   }
+  estimate_terms(after_, after_.hypothesis, after_.z, terms_);
   out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
-  estimate_terms(after_, after_.hypothesis, after_.z, out.added);
   out.recalibrated = recalibrations(after_, s_.selection);
   for (const auto& a : terms_)
     std::erase_if(out.recalibrated,

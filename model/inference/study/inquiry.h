@@ -39,7 +39,6 @@ class Inquiry {
   bool ask_beside_corrections(const Improvement& narrowed);
   bool ask_beside_tables(const Improvement& narrowed);
   bool is_named_beside_terms(const WorkflowResult& again) const;
-  bool holds_where_locked(const WorkflowResult& again) const;
   void tell_beside_terms(WorkflowResult again, bool named);
   void under_pasts_of_base(const std::function<void()>& what);
   void tell_improvement();
