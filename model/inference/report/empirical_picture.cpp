@@ -110,7 +110,6 @@ recordings::Figure picture_of_empirical(const EffectSetting& setting) {
         "What " + setting.id + " adds to the extension that its spring answers to, along a slow cycle";
     out.x_label = axis.label;
     out.y_label = "added extension [µm]";
-    out.square = false;  // numbers on the axis of a narrow one run into each other
     for (const auto& term : ports.spring) out.series.push_back(along(*term, inputs, axis.scale));
     return out;
   }
