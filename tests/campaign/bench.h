@@ -60,5 +60,9 @@ nlohmann::json truth_of(const Bench& bench);
 void write_bench(const Bench& bench, const std::string& folder);
 // What is hidden in it, as write_bench() wrote it: all that an answer is judged by.
 Bench read_truth(const std::string& folder);
+// Also the model that is handed over and the recordings: all that is asked.
+Bench read_bench(const std::string& folder);
+// Of its folder, beside those of the other benches.
+std::string name_of(int index);
 
 }  // namespace ferrobench::campaign

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <fstream>
 
@@ -98,6 +100,20 @@ Bench read_truth(const std::string& folder) {
   for (const auto& p : truth.value("physics", nlohmann::json::array())) b.physics.push_back(setting_from(p));
   b.left = truth.value("left", 0.0);
   return b;
+}
+
+Bench read_bench(const std::string& folder) {
+  const std::filesystem::path path(folder);
+  Bench b = read_truth(folder);
+  b.handed = model::model_from_json(read_json(path / "model.json"));
+  const auto names = read_json(path / "truth.json").at("recordings").get<std::vector<std::string>>();
+  for (const auto& name : names)
+    b.recordings.push_back({name, recordings::read_recording((path / (name + ".h5")).string())});
+  return b;
+}
+
+std::string name_of(int index) {
+  return fmt::format("bench-{:03}", index);
 }
 
 }  // namespace ferrobench::campaign

@@ -71,6 +71,14 @@ TEST(Bench, CanBeWrittenAndReadBack) {
   EXPECT_EQ(again.families, bench.families);
   ASSERT_EQ(again.effects.size(), bench.effects.size());
   EXPECT_EQ(again.effects[0].parameters, bench.effects[0].parameters);
+
+  const auto whole = read_bench(folder.string());
+  EXPECT_EQ(whole.candidates, bench.candidates);
+  EXPECT_EQ(model::to_json(whole.handed), model::to_json(bench.handed));
+  ASSERT_EQ(whole.recordings.size(), bench.recordings.size());
+  EXPECT_EQ(whole.recordings.back().name, bench.recordings.back().name);
+  EXPECT_EQ(whole.recordings.back().recording.at(Channel::charge),
+            bench.recordings.back().recording.at(Channel::charge));
   std::filesystem::remove_all(folder);
 }
 

@@ -2,18 +2,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <charconv>
 #include <chrono>
-#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <mutex>
 #include <optional>
 #include <sstream>
-#include <thread>
 
+#include "model/inference/common/parallel.h"
 #include "tests/campaign/table.h"
 #include "tests/campaign/thresholds.h"
 
@@ -139,10 +137,6 @@ Arguments parse(std::span<char*> words) {
   return a;
 }
 
-std::string name_of(int index) {
-  return fmt::format("bench-{:03}", index);
-}
-
 std::string line_of(const Bench& bench, double seconds) {
   const auto truth = truth_of(bench);
   std::string effects;
@@ -170,31 +164,16 @@ json item_of(const Bench& bench) {
 void write_all(const Arguments& a) {
   std::vector<json> items(static_cast<std::size_t>(a.benches));
   std::mutex mutex;  // over files and output
-  std::exception_ptr failure;
-  std::atomic<int> next = 0;
-  const auto work = [&] {
-    try {
-      for (int i = next++; i < a.benches; i = next++) {
-        const auto begin = std::chrono::steady_clock::now();
-        const auto bench = make_bench(a.seed, a.first + i, a.kind.value_or(kind_of(a.first + i)), a.bench);
-        const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
-        items[static_cast<std::size_t>(i)] = item_of(bench);
-        const std::scoped_lock lock(mutex);
-        write_bench(bench, a.write + "/" + name_of(bench.index));
-        std::cout << line_of(bench, spent.count()) << std::endl;
-      }
-    } catch (...) {
-      const std::scoped_lock lock(mutex);
-      failure = std::current_exception();
-      next = a.benches;
-    }
-  };
-  {
-    std::vector<std::jthread> others;
-    for (int job = 1; job < a.jobs; ++job) others.emplace_back(work);
-    work();
-  }
-  if (failure) std::rethrow_exception(failure);
+  model::inference::in_parallel(items.size(), a.jobs, [&](std::size_t i) {
+    const int index = a.first + static_cast<int>(i);
+    const auto begin = std::chrono::steady_clock::now();
+    const auto bench = make_bench(a.seed, index, a.kind.value_or(kind_of(index)), a.bench);
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+    items[i] = item_of(bench);
+    const std::scoped_lock lock(mutex);
+    write_bench(bench, a.write + "/" + name_of(bench.index));
+    std::cout << line_of(bench, spent.count()) << std::endl;
+  });
   std::ofstream manifest(a.write + "/manifest.json");
   manifest << json{{"items", items}}.dump(1) << '\n';
   if (!manifest.flush()) throw Error(ErrorCode::io_error, a.write + "/manifest.json cannot be written");

@@ -3,19 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <ctime>
-#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <map>
 #include <mutex>
-#include <thread>
 #include <tuple>
 
+#include "model/inference/common/parallel.h"
 #include "model/inference/report/discovery_report.h"
-#include "recordings/file/reader.h"
 
 namespace ferrobench::campaign {
 
@@ -32,16 +29,6 @@ struct Question {
   std::string name() const { return threshold == nullptr ? "" : std::string(threshold->name); }
   auto key() const { return std::tuple(bench, name(), factor); }
 };
-
-std::string folder_of(const ThresholdStudy& study, int bench) {
-  return fmt::format("{}/bench-{:03}", study.benches, bench);
-}
-
-json read_json(const std::string& path) {
-  std::ifstream in(path);
-  if (!in) throw Error(ErrorCode::io_error, "cannot read " + path);
-  return json::parse(in);
-}
 
 std::vector<json> read_log(const std::string& path) {
   std::vector<json> out;
@@ -89,12 +76,7 @@ double processor_seconds() {
 }
 
 json answer(const ThresholdStudy& study, const Question& q) {
-  const auto folder = folder_of(study, q.bench);
-  const auto bench = read_truth(folder);
-  std::vector<model::NamedRecording> recordings;
-  const auto names = read_json(folder + "/truth.json").at("recordings").get<std::vector<std::string>>();
-  for (const auto& name : names)
-    recordings.push_back({name, recordings::read_recording(fmt::format("{}/{}.h5", folder, name))});
+  auto bench = read_bench(study.benches + "/" + name_of(q.bench));
   model::DiscoverOptions options;
   options.seed = bench.seed;
   options.candidates = bench.candidates;
@@ -103,8 +85,7 @@ json answer(const ThresholdStudy& study, const Question& q) {
   const double begin = processor_seconds();
   Outcome outcome;
   try {
-    outcome = score(bench, to_json(model::discover(model::model_from_json(read_json(folder + "/model.json")),
-                                                   std::move(recordings), options)));
+    outcome = score(bench, to_json(model::discover(bench.handed, std::move(bench.recordings), options)));
   } catch (const Error& error) {
     outcome = score_error(bench, error.what());
   }
@@ -119,40 +100,24 @@ void ask_with_other_thresholds(const ThresholdStudy& study) {
   std::ofstream log(study.log, std::ios::app);
   if (!log) throw Error(ErrorCode::io_error, "cannot write " + study.log);
   const auto begin = std::chrono::steady_clock::now();
-  std::mutex mutex;  // over log, output, `done` and `failure`
+  std::mutex mutex;  // over log, output and `done`
   std::size_t done = 0;
-  std::exception_ptr failure;
-  std::atomic<std::size_t> next = 0;
-  const auto work = [&] {
-    try {
-      for (auto i = next++; i < questions.size(); i = next++) {
-        const auto& q = questions[i];
-        const auto told = answer(study, q);
-        const std::scoped_lock lock(mutex);
-        log << told.dump() << std::endl;
-        ++done;
-        const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
-        const double left =
-            spent.count() * static_cast<double>(questions.size() - done) / static_cast<double>(done);
-        const auto& o = told.at("outcome");
-        std::cout << fmt::format("{} of {}, {:.0f} min left: bench-{:03} {} {}: {} {} ({:.0f} s)\n", done,
-                                 questions.size(), left / 60, q.bench, q.name(), q.factor,
-                                 o.at("verdict").get<std::string>(), o.at("named").dump(),
-                                 o.at("seconds").get<double>())
-                  << std::flush;
-      }
-    } catch (...) {
-      const std::scoped_lock lock(mutex);
-      failure = std::current_exception();
-      next = questions.size();
-    }
-  };
-  {
-    std::vector<std::jthread> others;
-    for (int job = 1; job < study.jobs; ++job) others.emplace_back(work);
-    work();
-  }
-  if (failure) std::rethrow_exception(failure);
+  model::inference::in_parallel(questions.size(), study.jobs, [&](std::size_t i) {
+    const auto& q = questions[i];
+    const auto told = answer(study, q);
+    const std::scoped_lock lock(mutex);
+    log << told.dump() << std::endl;
+    ++done;
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+    const double left =
+        spent.count() * static_cast<double>(questions.size() - done) / static_cast<double>(done);
+    const auto& o = told.at("outcome");
+    std::cout << fmt::format("{} of {}, {:.0f} min left: {} {} {}: {} {} ({:.0f} s)\n", done,
+                             questions.size(), left / 60, name_of(q.bench), q.name(), q.factor,
+                             o.at("verdict").get<std::string>(), o.at("named").dump(),
+                             o.at("seconds").get<double>())
+              << std::flush;
+  });
 }
 
 std::string table_of_thresholds(const std::string& log) {

@@ -1,3 +1,4 @@
+// The table of the thresholds counts rightly, and a threshold that there is not is refused.
 #include "tests/campaign/thresholds.h"
 
 #include <gmock/gmock.h>

@@ -378,6 +378,26 @@ TEST(Discrepancy, CorrectionsOfTheKineticsNarrowAGapWithoutAName) {
   }
 }
 
+// One effect is named, and stands in the answer after the empirical term beside which it was found.
+void expect_named_beside(const Discovery& found, const std::string& term, const std::string& effect,
+                         double value) {
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  ASSERT_EQ(found.explanations.size(), 1U);
+  ASSERT_EQ(found.explanations.front().effects.size(), 1U);
+  EXPECT_EQ(found.explanations.front().effects.front().id, effect);
+  ASSERT_EQ(found.added.size(), 2U) << text_report(found);
+  EXPECT_EQ(found.added[0].term.id, term);
+  EXPECT_TRUE(found.added[0].empirical);
+  EXPECT_EQ(found.added[1].term.id, effect);
+  EXPECT_FALSE(found.added[1].empirical);
+  EXPECT_NEAR(found.added[1].term.parameters.front().value, value, 0.1 * value);
+  EXPECT_EQ(found.added[1].term.parameters.front().low,
+            found.explanations.front().effects.front().parameters.front().low)
+      << "one interval in one answer";
+  for (const auto& [path, moved] : found.recalibrated) EXPECT_FALSE(path.starts_with("effects.")) << path;
+  EXPECT_EQ(found.improved.effects.size(), 2U);
+}
+
 // Beside a base whose barriers differ by polarity a lag does not explain enough; beside the correction it
 // explains all, and the answer is that of the second asking alone.
 TEST(Discrepancy, AnEffectIsNamedBesideACorrectionOfTheKinetics) {
@@ -386,22 +406,11 @@ TEST(Discrepancy, AnEffectIsNamedBesideACorrectionOfTheKinetics) {
   bench.effects.push_back({"displacement_lag", {{"time_constant", 2e-3}}});
   const auto found =
       discover(given(), measure(bench), {.candidates = {"displacement_lag", "displacement_clipping"}});
-  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
-  ASSERT_EQ(found.explanations.size(), 1U);
-  ASSERT_EQ(found.explanations.front().effects.size(), 1U);
-  EXPECT_EQ(found.explanations.front().effects.front().id, "displacement_lag");
+  ASSERT_NO_FATAL_FAILURE(expect_named_beside(found, "empirical_asymmetry", "displacement_lag", 2e-3));
+  EXPECT_NEAR(found.added[0].term.parameters.front().value, 0.08, 8e-3);
   EXPECT_TRUE(found.explanations.front().leave_one_out);
   EXPECT_TRUE(found.doubted.empty());
-  ASSERT_EQ(found.added.size(), 2U) << text_report(found);
-  EXPECT_EQ(found.added[0].term.id, "empirical_asymmetry");
-  EXPECT_TRUE(found.added[0].empirical);
-  EXPECT_NEAR(found.added[0].term.parameters.front().value, 0.08, 8e-3);
-  EXPECT_EQ(found.added[1].term.id, "displacement_lag");
-  EXPECT_FALSE(found.added[1].empirical);
-  EXPECT_NEAR(found.added[1].term.parameters.front().value, 2e-3, 2e-4);
   EXPECT_GT(found.share_held_out, 0.95) << text_report(found);
-  for (const auto& [path, moved] : found.recalibrated) EXPECT_FALSE(path.starts_with("effects.")) << path;
-  EXPECT_EQ(found.improved.effects.size(), 2U);
 }
 
 // A spring that bends, which may not be named, and a drag that takes less than its share of the gap while
@@ -412,24 +421,10 @@ TEST(Discrepancy, AnEffectIsNamedBesideATable) {
   bench.effects.push_back({"domain_wall_drag", {{"coefficient", 2e4}}});
   const auto found =
       discover(given(), measure(bench), {.candidates = {"domain_wall_drag", "displacement_clipping"}});
-  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
-  ASSERT_EQ(found.explanations.size(), 1U);
-  ASSERT_EQ(found.explanations.front().effects.size(), 1U);
-  EXPECT_EQ(found.explanations.front().effects.front().id, "domain_wall_drag");
-  ASSERT_EQ(found.added.size(), 2U) << text_report(found);
-  EXPECT_EQ(found.added[0].term.id, "empirical_spring");
-  EXPECT_TRUE(found.added[0].empirical);
-  EXPECT_EQ(found.added[1].term.id, "domain_wall_drag");
-  EXPECT_FALSE(found.added[1].empirical);
-  EXPECT_NEAR(found.added[1].term.parameters.front().value, 2e4, 2e3);
-  EXPECT_EQ(found.added[1].term.parameters.front().low,
-            found.explanations.front().effects.front().parameters.front().low)
-      << "one interval in one answer";
+  ASSERT_NO_FATAL_FAILURE(expect_named_beside(found, "empirical_spring", "domain_wall_drag", 2e4));
   EXPECT_GT(found.added[1].share.value_or(0), 0.9);
   EXPECT_GT(found.added[1].share_held_out.value_or(0), 0.7);
   EXPECT_GT(found.share_held_out, 0.9) << text_report(found);
-  for (const auto& [path, moved] : found.recalibrated) EXPECT_FALSE(path.starts_with("effects.")) << path;
-  EXPECT_EQ(found.improved.effects.size(), 2U);
 }
 
 // A smaller gap beside instruments that are a few percent off: what narrows it goes by noise, with what was

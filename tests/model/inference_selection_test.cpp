@@ -230,8 +230,8 @@ TEST(SelectionOptions, AreHalvedAndDoubledOneByOne) {
         EXPECT_EQ(value_of(changed, other), value_of({}, other)) << threshold.name << ", " << other.name;
       }
     }
-  const auto* confident = std::ranges::find(thresholds(), "confident", &Threshold::name).base();
-  EXPECT_NEAR(scaled({}, *confident, 2).confident, 0.8, 1e-12) << "0.1 from one before, 0.2 now";
+  const auto confident = *std::ranges::find(thresholds(), "confident", &Threshold::name);
+  EXPECT_NEAR(scaled({}, confident, 2).confident, 0.8, 1e-12) << "0.1 from one before, 0.2 now";
 }
 
 }  // namespace

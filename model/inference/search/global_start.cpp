@@ -6,7 +6,7 @@
 namespace ferrobench::model {
 namespace {
 
-// Fewer leave the valley to be missed, more find the same (inference/README.md, 9).
+// Fewer leave the valley to be missed, more find the same (inference/README.md, section 9).
 constexpr int generations_of_half = 50;
 // What the search sees where a model cannot be simulated.
 constexpr double unsolvable = 1e9;

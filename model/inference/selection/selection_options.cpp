@@ -10,36 +10,20 @@ namespace {
 
 using Range = Threshold::Range;
 
-bool is_within(double value, Range range) {
+// Empty where the value is within the range.
+std::string_view wrong_with(double value, Range range) {
   switch (range) {
     case Range::positive:
-      return value > 0;
+      return value > 0 ? "" : " must be above 0";
     case Range::not_negative:
-      return value >= 0;
+      return value >= 0 ? "" : " must not be negative";
     case Range::share:
-      return value >= 0 && value <= 1;
+      return value >= 0 && value <= 1 ? "" : " is a share, 0 to 1";
     case Range::below_one:
-      return value >= 0 && value < 1;
+      return value >= 0 && value < 1 ? "" : " is a share below 1";
     case Range::at_least_one:
     case Range::above_one:
-      return value >= 1;
-  }
-  return false;
-}
-
-std::string_view in_words(Range range) {
-  switch (range) {
-    case Range::positive:
-      return " must be above 0";
-    case Range::not_negative:
-      return " must not be negative";
-    case Range::share:
-      return " is a share, 0 to 1";
-    case Range::below_one:
-      return " is a share below 1";
-    case Range::at_least_one:
-    case Range::above_one:
-      return " must be at least 1";
+      return value >= 1 ? "" : " must be at least 1";
   }
   return "";
 }
@@ -122,8 +106,8 @@ bool SelectionOptions::is_valid(std::string* error) const {
   };
   for (const auto& threshold : thresholds()) {
     const double value = value_of(*this, threshold);
-    if (!std::isfinite(value) || !is_within(value, threshold.range))
-      return wrong(std::string(threshold.name) + std::string(in_words(threshold.range)));
+    const auto problem = std::isfinite(value) ? wrong_with(value, threshold.range) : " must be finite";
+    if (!problem.empty()) return wrong(std::string(threshold.name) + std::string(problem));
   }
   if (!(confident > 0.5)) return wrong("confident is a probability, 0.5 to 1");
   if (!(unfinished_remainder <= reachable_remainder && reachable_remainder <= hopeless_remainder))

@@ -235,8 +235,8 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
 
 // An effect that did not take its share of the gap may have shared it with physics that has no name. Where
 // tables narrow it beside the effect they become part of the base as they stand, the effect is taken out, and
-// the workflow is gone through from there. Tables only stand for what is
-// true, so an effect is sufficient beside them that takes its share of what they leave. Whether one is named.
+// the workflow is gone through from there. Tables only stand for what is true, so an effect is sufficient
+// beside them that takes its share of what they leave. Whether one is named.
 bool Inquiry::ask_beside_tables(const Improvement& narrowed) {
   Hypothesis base = narrowed.hypothesis;
   std::vector<AddedTerm> tables;
