@@ -492,6 +492,27 @@ TEST(PrepareBench, ADriftIsNoWrongSign) {
   EXPECT_THROW(inference::prepare_bench(stack, {{"stairs", turned}}, 2000, warnings), Error);
 }
 
+// A spring that softens pulls less the further it is stretched: the force falls where the stack is far out,
+// and rises where it is not. In one recording of two a wrong sign is refused all the same.
+TEST(PrepareBench, AForceThatTurnsBackIsNoWrongSign) {
+  auto stack = library_model("nec-single-crystal");
+  stack.load = {1e6, 20e6};
+  const Program small({{0, 0}, {5, 1e5}, {10, 0}}, 0.05), far({{0, 0.7e6}, {5, 2e6}, {10, 0.7e6}}, 0.05);
+  auto softening = stack;
+  const auto displacement = measured_on(stack, far).at(recordings::Channel::displacement);
+  const double most = *std::ranges::max_element(displacement);
+  softening.effects = {{"spring_hardening", {{"coefficient", -0.9 / most}}}};
+  std::vector<NamedRecording> both{{"small", measured_on(softening, small)},
+                                   {"far", measured_on(softening, far)}};
+  std::vector<std::string> warnings;
+  ASSERT_EQ(inference::prepare_bench(stack, both, 2000, warnings).size(), 2U);
+  EXPECT_THAT(warnings, testing::ElementsAre(testing::HasSubstr("far: force moves against the model")));
+  auto turned = measured_on(stack, far).at(recordings::Channel::force);
+  for (double& f : turned) f = -f;
+  both[1].recording.set(recordings::Channel::force) = turned;
+  EXPECT_THROW(inference::prepare_bench(stack, both, 2000, warnings), Error);
+}
+
 // Three loops of a real ceramic at 0.01 to 1 Hz; ferrobench_fit_ceramic does the same from ten seeds.
 TEST(FitFromNothing, ExplainsARealCeramic) {
   if (!std::filesystem::exists(ceramic_file())) GTEST_SKIP() << ceramic_file() << " is not there";

@@ -117,8 +117,17 @@ bool goes_against(const std::vector<double>& simulated, const std::vector<double
   return n > 0 && sxy - sx * sy / n < 0;
 }
 
-// What would make every comparison meaningless: a sign or a unit that is wrong.
-void check_scale(const BenchRecording& r, const Model& model, const SimulationOptions& roughly) {
+// How a channel of a recording moves, where that shows at all.
+struct Movement {
+  std::string recording;
+  Channel channel = Channel::charge;
+  double correlation = 0;  // with what the model gives
+  bool against = false;    // it, however the recording is looked at
+};
+
+// A unit that is wrong makes every comparison meaningless. Adds how each channel moves.
+void check_scale(const BenchRecording& r, const Model& model, const SimulationOptions& roughly,
+                 std::vector<Movement>& movements) {
   const auto simulated = simulate_bench(model, r, roughly);
   for (std::size_t c = 0; c < r.channels.size(); ++c) {
     const auto& m = r.channels[c];
@@ -142,13 +151,31 @@ void check_scale(const BenchRecording& r, const Model& model, const SimulationOp
     if (correlation * correlation < 0.25 || 3 * m.scatter > std::sqrt(syy / n)) continue;
     // A specimen that was poled the other way, or half of it, moves the other way as well.
     const auto& past = r.header.past;
-    if (correlation < 0 && (!past.known() || past.kind == protocols::PastKind::poled_plus) &&
-        goes_against(simulated[c], m.value))
-      refuse(r.name, channel_path(m.channel), "moves against the model: its sign is wrong",
-             "turn the channel's sign; field along poling, extension and compressive force are positive");
+    movements.push_back({r.name, m.channel, correlation,
+                         correlation < 0 && (!past.known() || past.kind == protocols::PastKind::poled_plus) &&
+                             goes_against(simulated[c], m.value)});
     if (ratio > 30 || ratio < 1.0 / 30)
       refuse(r.name, channel_path(m.channel),
              "is " + std::to_string(ratio) + " times what the model gives: wrong units?", in_si);
+  }
+}
+
+// So does a sign that is wrong. A channel that moves against the model in one recording and with it in others
+// has the right sign there, unless it is the very image of what the model gives: a spring that softens much
+// pulls less the further it is stretched.
+void check_signs(const std::vector<Movement>& movements, std::vector<std::string>& warnings) {
+  constexpr double image = 0.9;  // of the correlation
+  for (const auto& m : movements) {
+    if (!m.against) continue;
+    const bool elsewhere_with = std::ranges::any_of(
+        movements, [&](const Movement& o) { return o.channel == m.channel && o.correlation > 0; });
+    if (!elsewhere_with || m.correlation < -image)
+      refuse(m.recording, channel_path(m.channel), "moves against the model: its sign is wrong",
+             "turn the channel's sign; field along poling, extension and compressive force are positive");
+    warnings.push_back(
+        fmt::format("{}: {} moves against the model, and with it in other recordings. Its sign is "
+                    "wrong here, or something makes it turn back.",
+                    m.recording, channel_name(m.channel)));
   }
 }
 
@@ -186,6 +213,7 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
   const SimulationOptions roughly{.tolerance = 1e-3, .stop = stop};
   check_recordings(recordings);
   std::vector<BenchRecording> out;
+  std::vector<Movement> movements;
   for (const auto& [name, r] : recordings) {
     check_stop(roughly);
     BenchRecording b;
@@ -203,9 +231,10 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
       refuse(name, "/entry/data", "has no channel that says anything of the actuator",
              "charge, displacement or force is needed");
     classify_segments(b, model, roughly);
-    check_scale(b, model, roughly);
+    check_scale(b, model, roughly, movements);
     out.push_back(std::move(b));
   }
+  check_signs(movements, warnings);
   return out;
 }
 
