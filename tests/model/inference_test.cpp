@@ -9,6 +9,7 @@
 #include "model/inference/residuals/separable.h"
 #include "model/inference/search/features.h"
 #include "model/inference/search/global_search.h"
+#include "model/inference/selection/verdict.h"
 #include "model/inference/solver/bounded_quadratic.h"
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/gauss_newton.h"
@@ -290,6 +291,46 @@ TEST(Covariance, OfWhatTheDataDoNotTellIsThatOfItsRange) {
   const Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(5, 1);
   const auto c = covariance({{"x", 0, 5}}, Eigen::VectorXd::Ones(5), slopes);
   EXPECT_NEAR(c(0, 0), 1.0 / 12, 1e-12);
+}
+
+// Straight lines through twelve groups of rows, each of which has an intercept and a slope of its own beside
+// the noise: 90 % of the intervals hold the true line, where hardly any do that know of noise alone. Groups
+// of unequal weight, as recordings are, since there those that took most part in the fit hide most.
+TEST(Covariance, ThatGroupsOfRowsDisagreeIsAllowedFor) {
+  constexpr Eigen::Index groups = 12, rows = 40;
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> normal;
+  std::vector<Eigen::Index> begin;
+  for (Eigen::Index g = 0; g < groups; ++g) begin.push_back(g * rows);
+  Eigen::Vector2d holds = Eigen::Vector2d::Zero(), holds_by_noise = holds;
+  constexpr int times = 1000;
+  for (int t = 0; t < times; ++t) {
+    Eigen::MatrixXd x(groups * rows, 2);
+    Eigen::VectorXd r(groups * rows);
+    for (Eigen::Index g = 0; g < groups; ++g) {
+      const double weight = g % 4 == 0 ? 1.5 : 1, own_level = normal(random), own_slope = normal(random);
+      for (Eigen::Index i = 0; i < rows; ++i) {
+        const double at = 2.0 * static_cast<double>(i) / rows - 1;
+        x.row(g * rows + i) << weight, weight * at;
+        r[g * rows + i] = weight * (own_level + own_slope * at) + normal(random);
+      }
+    }
+    const Eigen::Matrix2d information = x.transpose() * x;
+    const Eigen::Vector2d estimate = information.llt().solve(x.transpose() * r);  // of a line that is zero
+    const Eigen::MatrixXd by_noise = information.inverse(),
+                          c = disagreement_of_groups(begin, r - x * estimate, x, information);
+    for (Eigen::Index k = 0; k < 2; ++k) {
+      holds[k] += std::abs(estimate[k]) < inference::interval_90 * std::sqrt(c(k, k)) ? 1.0 / times : 0;
+      holds_by_noise[k] +=
+          std::abs(estimate[k]) < inference::interval_90 * std::sqrt(by_noise(k, k)) ? 1.0 / times : 0;
+    }
+  }
+  EXPECT_GT(holds.minCoeff(), 0.8);  // a normal distribution's interval, for few groups
+  EXPECT_LT(holds.maxCoeff(), 0.95);
+  EXPECT_LT(holds_by_noise.maxCoeff(), 0.4);
+  EXPECT_EQ(disagreement_of_groups({}, Eigen::VectorXd::Ones(3), Eigen::MatrixXd::Ones(3, 1),
+                                   Eigen::MatrixXd::Ones(1, 1))(0, 0),
+            0);
 }
 
 constexpr SimulationOptions coarse{.tolerance = 1e-3, .domains = 128};

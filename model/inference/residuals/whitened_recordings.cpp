@@ -278,6 +278,12 @@ void WhitenedRecordings::marginalize_drive(const Hypothesis& hypothesis, const E
   drive_marginals_ = std::move(found);
 }
 
+std::vector<Eigen::Index> WhitenedRecordings::groups() const {
+  std::vector<Eigen::Index> out;
+  for (const auto& block : blocks_) out.push_back(block.begin);
+  return out;
+}
+
 Eigen::VectorXd WhitenedRecordings::whiten(const Block& block, const std::vector<double>& signal) const {
   Eigen::VectorXd part(block.count);
   for (std::size_t i = 0; i < block.rows.size(); ++i)

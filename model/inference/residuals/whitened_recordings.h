@@ -24,6 +24,7 @@ class WhitenedRecordings final : public WhitenedResiduals {
                      SimulationOptions simulation, int threads);
 
   const std::vector<Block>& blocks() const { return blocks_; }
+  std::vector<Eigen::Index> groups() const override;  // a channel of a recording each
   const std::vector<BenchRecording>& bench() const { return bench_; }
   const std::vector<std::size_t>& chosen() const { return chosen_; }
 

@@ -28,6 +28,8 @@ class WhitenedResiduals {
   Eigen::Index size() const { return size_; }
   // Rows that are independent of each other: all of them, unless the model has an error of its own.
   double samples() const { return samples_; }
+  // Rows that share whatever is wrong of the model: the first of each group. None: each row stands alone.
+  virtual std::vector<Eigen::Index> groups() const { return {}; }
   int threads() const { return threads_; }
   const SimulationOptions& simulation() const { return simulation_; }
   // What may stop it and what counts it stay.

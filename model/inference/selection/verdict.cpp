@@ -33,24 +33,30 @@ struct Reach {
   double at_shape = 0;  // of an amplitude, the effect's other parameters held
 };
 
-// Calls visit(effect, which of its parameters, parameter, z, reach).
+bool has_slopes(const Fit& fit) {
+  return fit.jacobian.cols() == fit.z.size();
+}
+
+// By noise and priors alone; 0 without slopes.
+Eigen::MatrixXd posterior_covariance(const Fit& fit) {
+  if (!has_slopes(fit)) return Eigen::MatrixXd::Zero(fit.z.size(), fit.z.size());
+  return fit.normal().inverse();
+}
+
+// Calls visit(effect, which of its parameters, parameter, z, reach) by the covariance of the trial's fit.
 template <class Visit>
-void for_each_parameter(const Trial& trial, const SelectionOptions& options, Visit&& visit) {
+void for_each_parameter(const Trial& trial, const Eigen::MatrixXd& covariance, Visit&& visit) {
   const auto& fit = trial.fit;
-  const bool known = fit.jacobian.cols() == fit.z.size();
-  const Eigen::MatrixXd covariance =
-      known ? Eigen::MatrixXd(fit.normal().inverse()) : Eigen::MatrixXd::Zero(fit.z.size(), fit.z.size());
-  const double scale = interval_90 * interval_inflation(fit, options);
   auto k = static_cast<Eigen::Index>(fit.hypothesis.base_count);
   for (const auto* effect : trial.effects) {
     const auto count = std::ssize(effect->parameters);
     const Eigen::MatrixXd own = covariance.block(k, k, count, count);
     // The variance of one number given others is one over its element of the inverse.
-    const double precision = known ? own.inverse()(0, 0) : 0;
-    const double at_shape = precision > 0 ? scale / std::sqrt(precision) : 0;
+    const double precision = has_slopes(fit) ? own.inverse()(0, 0) : 0;
+    const double at_shape = precision > 0 ? interval_90 / std::sqrt(precision) : 0;
     for (std::size_t which = 0; which < effect->parameters.size(); ++which, ++k)
       visit(*effect, which, fit.hypothesis.parameters[static_cast<std::size_t>(k)], fit.z[k],
-            Reach{scale * std::sqrt(std::max(0.0, covariance(k, k))), which == 0 ? at_shape : 0});
+            Reach{interval_90 * std::sqrt(std::max(0.0, covariance(k, k))), which == 0 ? at_shape : 0});
   }
 }
 
@@ -60,14 +66,13 @@ double cost_of_plausible(const Trial& trial, const SelectionOptions& options) {
   const double about = options.plausible_margin;
   double cost = 0;
   for_each_parameter(
-      trial, options,
+      trial, posterior_covariance(trial.fit),
       [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reach) {
         if (which != 0) return;
         const auto& p = effect.parameters[which];
         const double least = effect.fades ? p.low / about : 0;  // else it is there at any amplitude
         const double value = std::abs(c.value(z)), nearest = std::clamp(value, least, p.high * about),
-                     deviation = reach.all * std::abs(c.slope(z)) /
-                                 (interval_90 * interval_inflation(trial.fit, options));
+                     deviation = reach.all * std::abs(c.slope(z)) / interval_90;
         if (value != nearest) cost += std::pow((value - nearest) / deviation, 2);
       });
   return cost;
@@ -233,15 +238,21 @@ double probability_of_unknown(double share, const SelectionOptions& options) {
   return logistic(options.sufficiency_power * std::log(std::max(1e-3, missed)));
 }
 
-double interval_inflation(const Fit& fit, const SelectionOptions& options) {
+Eigen::MatrixXd tempered_covariance(const Fit& fit, double tempering) {
   const auto rows = static_cast<double>(std::max<Eigen::Index>(1, fit.residual.size()));
-  return std::sqrt(options.likelihood_tempering * std::max(1.0, fit.residual.squaredNorm() / rows));
+  return tempering * std::max(1.0, fit.residual.squaredNorm() / rows) * posterior_covariance(fit);
+}
+
+Eigen::MatrixXd robust_covariance(const Fit& fit, double tempering) {
+  Eigen::MatrixXd out = tempered_covariance(fit, tempering);
+  if (has_slopes(fit)) out += disagreement_of_groups(fit.groups, fit.residual, fit.jacobian, fit.normal());
+  return out;
 }
 
 std::vector<EffectEstimate> effect_estimates(const Trial& trial, const SelectionOptions& options) {
   std::vector<EffectEstimate> out;
   for_each_parameter(
-      trial, options,
+      trial, robust_covariance(trial.fit, options.likelihood_tempering),
       [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reach) {
         if (which == 0) out.push_back({.id = std::string(effect.id), .parameters = {}});
         const double a = c.value(std::max(c.low, z - reach.all)),
@@ -256,7 +267,7 @@ bool is_believable(const Trial& trial, const SelectionOptions& options) {
   const double about = options.plausible_margin;
   bool out = true;
   for_each_parameter(
-      trial, options,
+      trial, tempered_covariance(trial.fit, options.likelihood_tempering),
       [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reaches) {
         const auto& p = effect.parameters[which];
         const double value = std::abs(c.value(z));

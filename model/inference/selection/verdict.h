@@ -36,9 +36,12 @@ void refute(ModelSelection& selection);
 // this.
 double probability_of_unknown(double share, const SelectionOptions& options);
 
-// The factor by which standard deviations are wider than noise alone has it: for what noise does not explain
-// (the root of the mean squares), and for the tempering of the likelihood.
-double interval_inflation(const Fit& fit, const SelectionOptions& options);
+// Of a fit's parameters where the likelihood is tempered by this, and by what noise does not explain of the
+// mean square.
+Eigen::MatrixXd tempered_covariance(const Fit& fit, double tempering);
+// What intervals are told by: the same and, since what physics a fit has made up for no longer shows in its
+// mean square, by how far recordings and channels disagree (solver/covariance.h).
+Eigen::MatrixXd robust_covariance(const Fit& fit, double tempering);
 
 // 90 % intervals of the parameters of a trial's effects.
 std::vector<EffectEstimate> effect_estimates(const Trial& trial, const SelectionOptions& options);

@@ -36,4 +36,30 @@ Eigen::MatrixXd covariance(const std::vector<ResidualPart>& parts, const Eigen::
   return inverse * spread * inverse;
 }
 
+Eigen::MatrixXd disagreement_of_groups(const std::vector<Eigen::Index>& groups,
+                                       const Eigen::VectorXd& residuals, const Eigen::MatrixXd& slopes,
+                                       const Eigen::MatrixXd& information) {
+  // What a group alone determines has a leverage of 1 and, at the minimum, no score. A fit ends a little
+  // beside the minimum, and that little is not to be divided by nothing.
+  constexpr double least_free = 0.05;
+  const auto n = slopes.cols();
+  const Eigen::LLT<Eigen::MatrixXd> cholesky(information);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const auto begin = groups[g], end = g + 1 < groups.size() ? groups[g + 1] : slopes.rows();
+    const Eigen::MatrixXd j = slopes.middleRows(begin, end - begin);
+    // In coordinates in which the information is the identity.
+    const Eigen::MatrixXd scaled = cholesky.matrixL().solve(j.transpose());
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> leverage(scaled * scaled.transpose());
+    const Eigen::VectorXd free = (1 - leverage.eigenvalues().array()).max(least_free);
+    const auto& axes = leverage.eigenvectors();
+    const Eigen::VectorXd score =
+        axes *
+        (axes.transpose() * (scaled * residuals.segment(begin, end - begin))).cwiseQuotient(free.cwiseSqrt());
+    const Eigen::VectorXd step = cholesky.matrixU().solve(score);
+    out += step * step.transpose();
+  }
+  return out;
+}
+
 }  // namespace ferrobench::model

@@ -27,4 +27,17 @@ double correlated_rows(const Eigen::Ref<const Eigen::VectorXd>& residuals);
 Eigen::MatrixXd covariance(const std::vector<ResidualPart>& parts, const Eigen::VectorXd& residuals,
                            const Eigen::MatrixXd& slopes);
 
+// What a model that is not exactly true adds to the covariance of its parameters, by how far groups of rows
+// disagree on them: with A the information, J_g the slopes and r_g the residuals of group g, whitened,
+//
+//   A^-1 (sum over groups of s_g s_g^T) A^-1,   s_g = J_g^T (I - J_g A^-1 J_g^T)^-1/2 r_g
+//
+// the covariance that is robust to what rows of a group have in common (Liang and Zeger, Biometrika 73 (1986)
+// 13), without the bias that comes of the groups having taken part in the fit (Bell and McCaffrey, Survey
+// Methodology 28 (2002) 169). `groups` are the first rows of each; zero if there is none. The information may
+// contain that of a prior.
+Eigen::MatrixXd disagreement_of_groups(const std::vector<Eigen::Index>& groups,
+                                       const Eigen::VectorXd& residuals, const Eigen::MatrixXd& slopes,
+                                       const Eigen::MatrixXd& information);
+
 }  // namespace ferrobench::model

@@ -199,7 +199,8 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
           .z = within(hypothesis, z),
           .residual = {},
           .fidelity_correction = warm_start != nullptr ? warm_start->fidelity_correction : Eigen::VectorXd(),
-          .jacobian = {}};
+          .jacobian = {},
+          .groups = residuals.groups()};
   out.residual = out.corrected(residuals.evaluate(hypothesis, out.z));
   out.squares = out.residual.squaredNorm() + prior_squares(hypothesis, out.z);
   if (warm_start != nullptr && warm_start->jacobian.cols() < out.z.size()) {

@@ -27,9 +27,10 @@ struct Fit {
   // What a finer simulation gives less what the residuals' own gives, near z. It is added to every residual;
   // empty: there is none (solver/multifidelity.h).
   Eigen::VectorXd fidelity_correction;
-  Eigen::MatrixXd jacobian;  // of the residual, at or near z
-  double squares = 0;        // of residual and priors
-  bool fresh = false;        // the Jacobian was made at z
+  Eigen::MatrixXd jacobian;               // of the residual, at or near z
+  std::vector<Eigen::Index> groups = {};  // of the residual's rows (WhitenedResiduals::groups)
+  double squares = 0;                     // of residual and priors
+  bool fresh = false;                     // the Jacobian was made at z
 
   Eigen::MatrixXd normal() const;    // J^T J and the priors' precision: the information matrix
   Eigen::VectorXd gradient() const;  // half of that of `squares`

@@ -67,7 +67,9 @@ class Improver {
     if (!out_.for_noise_to_judge) reduce_the_rest();
     if (!task_.presumed_past && !out_.named && !out_.added.empty()) incumbent_.refit_under_other_pasts();
     const auto& [hypothesis, z] = incumbent_.at();
-    estimate_terms(incumbent_.fit(), hypothesis, z, out_.added);
+    // Beside the model's error, that is what the likelihood is tempered by.
+    estimate_terms(incumbent_.fit(), hypothesis, z,
+                   incumbent_.by_noise() ? task_.selection.likelihood_tempering : 1, out_.added);
     out_.hypothesis = hypothesis;
     out_.z = z;
     return std::move(out_);

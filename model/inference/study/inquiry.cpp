@@ -28,6 +28,7 @@ void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
   fit.fidelity_correction.resize(0);
   fit.residual = residuals.evaluate(fit.hypothesis, fit.z);
   fit.squares = fit.residual.squaredNorm() + prior_squares(fit.hypothesis, fit.z);
+  fit.groups = residuals.groups();
   refresh_jacobian(residuals, fit);
 }
 
@@ -273,7 +274,7 @@ void Inquiry::tell_beside_terms(WorkflowResult again, bool named) {
     summarize(found_, s_.selection, out);
     compare_explanations();
   }
-  estimate_terms(after_, after_.hypothesis, after_.z, terms_);
+  estimate_terms(after_, after_.hypothesis, after_.z, s_.selection.likelihood_tempering, terms_);
   out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
   out.recalibrated = recalibrations(after_, s_.selection);
   for (const auto& a : terms_)
@@ -302,7 +303,7 @@ void Inquiry::tell_improvement() {
   out.added = improved_->added;
   if (!found_.gross && out.verdict == Verdict::unknown) {
     out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
-    estimate_terms(after_, after_.hypothesis, after_.z, out.added);
+    estimate_terms(after_, after_.hypothesis, after_.z, s_.selection.likelihood_tempering, out.added);
   }
   if (found_.gross) {
     before_ = std::move(improved_->base);

@@ -59,15 +59,13 @@ void equivalences(Discovery& out, const ForwardSelection& forward, double sample
 }  // namespace
 
 std::map<std::string, Recalibration> recalibrations(const Fit& fit, const SelectionOptions& options) {
-  const Eigen::MatrixXd covariance = fit.normal().inverse();
+  const Eigen::MatrixXd covariance = robust_covariance(fit, options.likelihood_tempering);
   std::map<std::string, Recalibration> out;
   for (std::size_t i = 0; i < fit.hypothesis.base_count; ++i) {
     const auto& c = fit.hypothesis.parameters[i];
     const auto k = static_cast<Eigen::Index>(i);
     out[c.path] = {c.from, c.value(fit.z[k]),
-                   interval_inflation(fit, options) * std::abs(c.slope(fit.z[k])) *
-                       std::sqrt(std::max(0.0, covariance(k, k))),
-                   fit.z[k]};
+                   std::abs(c.slope(fit.z[k])) * std::sqrt(std::max(0.0, covariance(k, k))), fit.z[k]};
   }
   return out;
 }
@@ -88,9 +86,9 @@ Model model_at(const Fit& fit, const std::string& note) {
   return out;
 }
 
-void estimate_terms(const Fit& fit, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+void estimate_terms(const Fit& fit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, double tempering,
                     std::vector<AddedTerm>& added) {
-  const Eigen::MatrixXd covariance = fit.normal().inverse();
+  const Eigen::MatrixXd covariance = robust_covariance(fit, tempering);
   const auto& moved = hypothesis.parameters;
   const auto model = setting_at(hypothesis, z).model;
   for (auto& a : added) {

@@ -73,7 +73,7 @@ std::map<std::string, Recalibration> recalibrations(const Fit& fit, const Select
 // The model of a fit, with this remark.
 Model model_at(const Fit& fit, const std::string& note);
 // Values of added terms with 90 % intervals, where a fit stands; what was held fixed has none.
-void estimate_terms(const Fit& fit, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
+void estimate_terms(const Fit& fit, const Hypothesis& hypothesis, const Eigen::VectorXd& z, double tempering,
                     std::vector<AddedTerm>& added);
 // Fills in what the workflow says of effects, parameters and models.
 void summarize(const WorkflowResult& found, const SelectionOptions& options, Discovery& out);
