@@ -238,15 +238,17 @@ double probability_of_unknown(double share, const SelectionOptions& options) {
   return logistic(options.sufficiency_power * std::log(std::max(1e-3, missed)));
 }
 
-Eigen::MatrixXd tempered_covariance(const Fit& fit, double tempering) {
+double tempered_mean_square(const Fit& fit, double tempering) {
   const auto rows = static_cast<double>(std::max<Eigen::Index>(1, fit.residual.size()));
-  return tempering * std::max(1.0, fit.residual.squaredNorm() / rows) * posterior_covariance(fit);
+  return tempering * std::max(1.0, fit.residual.squaredNorm() / rows);
 }
 
 Eigen::MatrixXd robust_covariance(const Fit& fit, double tempering) {
-  Eigen::MatrixXd out = tempered_covariance(fit, tempering);
-  if (has_slopes(fit)) out += disagreement_of_groups(fit.groups, fit.residual, fit.jacobian, fit.normal());
-  return out;
+  if (!has_slopes(fit)) return posterior_covariance(fit);
+  const Eigen::MatrixXd information = fit.normal(), inverse = information.inverse();
+  const Eigen::MatrixXd of_rows = fit.jacobian.transpose() * fit.jacobian, of_priors = information - of_rows;
+  return inverse * (tempered_mean_square(fit, tempering) * of_rows + of_priors) * inverse +
+         disagreement_of_groups(fit.groups, fit.residual, fit.jacobian, information);
 }
 
 std::vector<EffectEstimate> effect_estimates(const Trial& trial, const SelectionOptions& options) {
@@ -267,7 +269,7 @@ bool is_believable(const Trial& trial, const SelectionOptions& options) {
   const double about = options.plausible_margin;
   bool out = true;
   for_each_parameter(
-      trial, tempered_covariance(trial.fit, options.likelihood_tempering),
+      trial, tempered_mean_square(trial.fit, options.likelihood_tempering) * posterior_covariance(trial.fit),
       [&](const Effect& effect, std::size_t which, const ScaledParameter& c, double z, const Reach& reaches) {
         const auto& p = effect.parameters[which];
         const double value = std::abs(c.value(z));

@@ -36,11 +36,12 @@ void refute(ModelSelection& selection);
 // this.
 double probability_of_unknown(double share, const SelectionOptions& options);
 
-// Of a fit's parameters where the likelihood is tempered by this, and by what noise does not explain of the
-// mean square.
-Eigen::MatrixXd tempered_covariance(const Fit& fit, double tempering);
-// What intervals are told by: the same and, since what physics a fit has made up for no longer shows in its
-// mean square, by how far recordings and channels disagree (solver/covariance.h).
+// Covariance of a fit's parameters, by which intervals are told. With A the information, P the priors' part
+// of it, T the tempering of the likelihood and m the mean square of what is left, at least 1,
+//
+//   C = A^-1 (T m J^T J + P) A^-1 + disagreement of the channels of recordings (solver/covariance.h)
+//
+// since physics that a fit has made up for no longer shows in what is left.
 Eigen::MatrixXd robust_covariance(const Fit& fit, double tempering);
 
 // 90 % intervals of the parameters of a trial's effects.
