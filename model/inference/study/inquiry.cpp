@@ -230,7 +230,7 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   const bool named = is_named_beside_terms(again);
   if ((named ? again.best->fit : again.base).squares > stood.squares) return false;
   terms_ = std::move(corrections);
-  tell_beside_terms(std::move(again), named);
+  tell_beside_terms(std::move(again), named, s_.selection);
   return true;
 }
 
@@ -257,7 +257,7 @@ bool Inquiry::ask_beside_tables(const Improvement& narrowed) {
   if (after > (1 - s_.selection.material_share) * before) return false;
   const double share = share_of_excess(again.base, again.best->fit, coarse_.samples());
   std::ranges::move(tables, std::back_inserter(terms_));
-  tell_beside_terms(std::move(again), true);
+  tell_beside_terms(std::move(again), true, selection);
   if (found_.best->effects.size() == 1) {
     s_.out.added.back().share = share;
     if (before > 0) s_.out.added.back().share_held_out = 1 - after / before;
@@ -265,13 +265,13 @@ bool Inquiry::ask_beside_tables(const Improvement& narrowed) {
   return true;
 }
 
-void Inquiry::tell_beside_terms(WorkflowResult again, bool named) {
+void Inquiry::tell_beside_terms(WorkflowResult again, bool named, const SelectionOptions& asked_by) {
   found_ = std::move(again);
   after_ = named ? found_.best->fit : found_.base;
   auto& out = s_.out;
   if (named) {
     out.not_testable = untestable_;
-    summarize(found_, s_.selection, out);
+    summarize(found_, asked_by, out);
     compare_explanations();
   }
   estimate_terms(after_, after_.hypothesis, after_.z, s_.selection.likelihood_tempering, terms_);

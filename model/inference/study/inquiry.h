@@ -39,7 +39,7 @@ class Inquiry {
   bool ask_beside_corrections(const Improvement& narrowed);
   bool ask_beside_tables(const Improvement& narrowed);
   bool is_named_beside_terms(const WorkflowResult& again) const;
-  void tell_beside_terms(WorkflowResult again, bool named);
+  void tell_beside_terms(WorkflowResult again, bool named, const SelectionOptions& asked_by);
   void under_pasts_of_base(const std::function<void()>& what);
   void tell_improvement();
   void tell_where();
