@@ -9,10 +9,16 @@ namespace ferrobench::model::inference {
 namespace {
 
 constexpr double known_to = 0.12, factor_known_to = 0.05, gain_known_to = 0.03, offset_known_to = 0.03;
-constexpr double farthest = 12;  // in prior standard deviations
+// In prior standard deviations. A model may be another specimen's. An instrument that is off by more than 16
+// %, or a spring by more than 28 %, is out of order: where the model's physics is wrong a fit goes there for
+// what the physics lacks, and what is missing stays hidden.
+constexpr double farthest = 12, farthest_of_instrument = 5;
 
 ScaledParameter with_prior(std::string path, double from, double scale) {
-  return {.path = std::move(path), .from = from, .scale = scale, .low = -farthest, .high = farthest};
+  ScaledParameter out{.path = std::move(path), .from = from, .scale = scale, .low = 0, .high = 0};
+  out.high = out.of_model() ? farthest : farthest_of_instrument;
+  out.low = -out.high;
+  return out;
 }
 
 }  // namespace
@@ -116,8 +122,8 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
                               .from = 0,
                               .scale = offset_known_to * (high - low),
                               .logarithmic = false,
-                              .low = -farthest,
-                              .high = farthest});
+                              .low = -farthest_of_instrument,
+                              .high = farthest_of_instrument});
   }
   out.base_count = out.parameters.size();
   return out;

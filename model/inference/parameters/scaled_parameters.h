@@ -6,6 +6,8 @@
 //   gains of the channels:                                 ln(gain) = 0.03 z
 //   offset of the field, where it is the drive:            offset = 0.03 range z
 //   the effect that is tried:                              no prior
+//
+// z ends at 12 for the model and at 5 for the instrument: gains, offset, spring and prestress.
 #pragma once
 
 #include <Eigen/Dense>
