@@ -331,6 +331,12 @@ TEST(Covariance, ThatGroupsOfRowsDisagreeIsAllowedFor) {
   EXPECT_EQ(disagreement_of_groups({}, Eigen::VectorXd::Ones(3), Eigen::MatrixXd::Ones(3, 1),
                                    Eigen::MatrixXd::Ones(1, 1))(0, 0),
             0);
+  // Two columns that are alike and have no prior: nothing is told, and nothing is not a number.
+  EXPECT_EQ(
+      disagreement_of_groups({0}, Eigen::VectorXd::Ones(3), Eigen::MatrixXd::Ones(3, 2),
+                             -1e-9 * Eigen::MatrixXd::Identity(2, 2) + Eigen::MatrixXd::Constant(2, 2, 3))
+          .norm(),
+      0);
 }
 
 constexpr SimulationOptions coarse{.tolerance = 1e-3, .domains = 128};

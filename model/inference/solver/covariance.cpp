@@ -45,6 +45,8 @@ Eigen::MatrixXd disagreement_of_groups(const std::vector<Eigen::Index>& groups,
   const auto n = slopes.cols();
   const Eigen::LLT<Eigen::MatrixXd> cholesky(information);
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
+  // Directions that nothing determines leave no information to compare by, and are as wide as can be anyway.
+  if (cholesky.info() != Eigen::Success) return out;
   for (std::size_t g = 0; g < groups.size(); ++g) {
     const auto begin = groups[g], end = g + 1 < groups.size() ? groups[g + 1] : slopes.rows();
     const Eigen::MatrixXd j = slopes.middleRows(begin, end - begin);

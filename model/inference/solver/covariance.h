@@ -34,8 +34,8 @@ Eigen::MatrixXd covariance(const std::vector<ResidualPart>& parts, const Eigen::
 //
 // the covariance that is robust to what rows of a group have in common (Liang and Zeger, Biometrika 73 (1986)
 // 13), without the bias that comes of the groups having taken part in the fit (Bell and McCaffrey, Survey
-// Methodology 28 (2002) 169). `groups` are the first rows of each; zero if there is none. The information may
-// contain that of a prior.
+// Methodology 28 (2002) 169). `groups` are the first rows of each; zero if there is none, or if the
+// information, which may contain that of a prior, is not positive definite.
 Eigen::MatrixXd disagreement_of_groups(const std::vector<Eigen::Index>& groups,
                                        const Eigen::VectorXd& residuals, const Eigen::MatrixXd& slopes,
                                        const Eigen::MatrixXd& information);
