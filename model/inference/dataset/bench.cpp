@@ -122,7 +122,7 @@ struct Movement {
   std::string recording;
   Channel channel = Channel::charge;
   double correlation = 0;  // with what the model gives
-  bool against = false;    // it, however the recording is looked at
+  bool against = false;    // against the model, by its correlation and from piece to piece (goes_against)
 };
 
 // A unit that is wrong makes every comparison meaningless. Adds how each channel moves.
@@ -160,16 +160,16 @@ void check_scale(const BenchRecording& r, const Model& model, const SimulationOp
   }
 }
 
-// So does a sign that is wrong. A channel that moves against the model in one recording and with it in others
-// has the right sign there, unless it is the very image of what the model gives: a spring that softens much
-// pulls less the further it is stretched.
+// A wrong sign makes every comparison meaningless, too. A channel that moves against the model in one
+// recording and with it in others has the right sign, unless it mirrors there what the model gives: a spring
+// that softens much pulls less the further it is stretched.
 void check_signs(const std::vector<Movement>& movements, std::vector<std::string>& warnings) {
-  constexpr double image = 0.9;  // of the correlation
+  constexpr double mirrored = 0.9;  // of the correlation; what turns back has less
   for (const auto& m : movements) {
     if (!m.against) continue;
     const bool elsewhere_with = std::ranges::any_of(
         movements, [&](const Movement& o) { return o.channel == m.channel && o.correlation > 0; });
-    if (!elsewhere_with || m.correlation < -image)
+    if (!elsewhere_with || m.correlation < -mirrored)
       refuse(m.recording, channel_path(m.channel), "moves against the model: its sign is wrong",
              "turn the channel's sign; field along poling, extension and compressive force are positive");
     warnings.push_back(

@@ -9,9 +9,10 @@ namespace ferrobench::model::inference {
 namespace {
 
 constexpr double known_to = 0.12, factor_known_to = 0.05, gain_known_to = 0.03, offset_known_to = 0.03;
-// In prior standard deviations. A model may be another specimen's. An instrument that is off by more than 16
-// %, or a spring by more than 28 %, is out of order: where the model's physics is wrong a fit goes there for
-// what the physics lacks, and what is missing stays hidden.
+// Ends of the ranges, in prior standard deviations. The model may be that of another specimen. A gain that is
+// off by more than a sixth (5 times 3 %, in the logarithm), or a spring by more than a quarter (5 times 5 %),
+// is a fault of the bench: where the model's physics is wrong, a fit would go there to make up for it, and
+// what is missing would stay hidden.
 constexpr double farthest = 12, farthest_of_instrument = 5;
 
 ScaledParameter with_prior(std::string path, double from, double scale) {
