@@ -239,6 +239,19 @@ TEST(Discrepancy, ALargeEffectIsJudgedByNoiseAtOnce) {
   EXPECT_GT(found.share_held_out, 0.99);
 }
 
+// What is locked shows little of it, and much of the creep beside it.
+TEST(Discrepancy, ALargeEffectIsJudgedByNoiseWhereTheLockedRecordingsHardlyShowIt) {
+  auto bench = real_bench();
+  bench.effects.push_back({"load_cell_lag", {{"time_constant", 0.05}}});
+  bench.effects.push_back({"load_cell_creep", {{"fraction", -0.1}, {"time_constant", 1}}});
+  const auto found =
+      discover(given(), measure(bench), {.held_out = {"slow"}, .candidates = {}, .progress = {}});
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  std::vector<std::string> ids;
+  for (const auto& e : found.explanations.front().effects) ids.push_back(e.id);
+  EXPECT_THAT(ids, testing::UnorderedElementsAre("load_cell_lag", "load_cell_creep"));
+}
+
 // Recordings of 2 to 24 s tell the amplitude over the time constant of a relaxation of 1,000 s, and neither
 // alone.
 TEST(Discrepancy, NamesARelaxationMuchSlowerThanTheRecordings) {
@@ -863,6 +876,26 @@ TEST(Discrepancy, WhatABaseMayStillGainDecidesOnlyBesideAWeakEffect) {
     task.base_is_final = true;
     EXPECT_EQ(begun.select(begun.base, task).detected, has_effect);
   }
+}
+
+// A drag on domain walls and a source resistance differ by what the reversible response does alone. Beside
+// another effect they are told apart by fits that have both come to their ends.
+TEST(Discrepancy, RivalsBesideAnotherEffectAreComparedAtTheirEnds) {
+  auto bench = real_bench();
+  bench.effects.push_back({"electrostriction", {{"coefficient", 3e-17}}});
+  bench.effects.push_back({"domain_wall_drag", {{"coefficient", 3e4}}});
+  BegunBase begun(bench, 8);
+  const auto& drag = find_effect("domain_wall_drag");
+  const auto& resistance = find_effect("source_resistance");
+  const auto forward =
+      begun.select(begun.base, {.candidates = {&find_effect("electrostriction"), &drag, &resistance},
+                                .most_domains = 1000,
+                                .beyond_effects = {},
+                                .tick = {}});
+  std::set<const Effect*> compared;
+  for (const auto& t : forward.trials)
+    if (t.effects.size() == 2 && t.polished) compared.insert(t.effects[1]);
+  EXPECT_THAT(compared, testing::UnorderedElementsAre(&drag, &resistance));
 }
 
 // A base fit that has not arrived: what an effect seems to explain, the base does from where that led.

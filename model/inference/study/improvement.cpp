@@ -250,9 +250,10 @@ class Improver {
 
   // The effect that makes the model likeliest, if it takes what is demanded. If it does not, those that take
   // half of that are fitted to their end first: beside an error as large as what it explains an effect does
-  // not get there, and one that meets a channel of little error somewhat better is likelier. A first
-  // one with which the model is no longer wrong by much is taken for less, though not named: noise judges it
-  // then.
+  // not get there, and one that meets a channel of little error somewhat better is likelier. If still none
+  // does, a first one with which the model is no longer wrong by much is taken for less, though not named:
+  // noise judges it then. What it leaves may be all that shows in the locked recordings, so these have no say
+  // here.
   bool name_effect(std::vector<const Effect*>& remaining) {
     auto tried = fitted_effects(remaining);
     const auto name = [&](const TriedEffect& t, Comparison trial) {
@@ -261,24 +262,31 @@ class Improver {
       take(t.place, *t.effect, std::move(trial));
       return true;
     };
-    const TriedEffect* best = nullptr;
-    Comparison most;
+    const bool noise_may_judge = task_.until_noise_may_judge && out_.added.empty();
+    const TriedEffect *best = nullptr, *for_noise = nullptr;
+    Comparison most, most_for_noise;
+    most_for_noise.share = least_share_of_effect;
     for (auto& t : tried) {
       auto trial = incumbent_.weigh(t.place);
-      if (&t == &tried.front() && is_enough(trial)) return name(t, *std::move(trial));
-      if (!trial || trial->least() < least_part_at_first * demanded_) continue;
-      t.place = incumbent_.fitted_beside_its_own_error(t.place);
-      trial = incumbent_.weigh(t.place);
       if (!trial) continue;
-      t.gained = incumbent_.log_likelihood_ratio(*trial) - penalty(*t.effect);
-      if (trial->least() <= most.least()) continue;
-      most = *std::move(trial);
-      best = &t;
+      if (&t == &tried.front() && is_enough(trial)) return name(t, *std::move(trial));
+      if (trial->least() >= least_part_at_first * demanded_) {
+        t.place = incumbent_.fitted_beside_its_own_error(t.place);
+        trial = incumbent_.weigh(t.place);
+        if (!trial) continue;
+        t.gained = incumbent_.log_likelihood_ratio(*trial) - penalty(*t.effect);
+        if (trial->least() > most.least()) {
+          most = *trial;
+          best = &t;
+        }
+      }
+      if (noise_may_judge && trial->share > most_for_noise.share && !incumbent_.is_gross(t.place)) {
+        most_for_noise = *std::move(trial);
+        for_noise = &t;
+      }
     }
-    if (best == nullptr) return false;
-    const bool for_noise_to_judge =
-        out_.added.empty() && most.least() >= least_share_of_effect && !incumbent_.is_gross(best->place);
-    return (most.least() >= demanded_ || for_noise_to_judge) && name(*best, std::move(most));
+    if (best != nullptr && most.least() >= demanded_) return name(*best, std::move(most));
+    return for_noise != nullptr && name(*for_noise, std::move(most_for_noise));
   }
 
   // The effect that makes the model likeliest of those that take what is demanded.
