@@ -50,7 +50,7 @@ class ForwardSelector {
   }
   std::vector<Screened> check(Trial& t, bool seconds_wanted, double from, double to) const;
   void try_singles();
-  void compare_the_best();
+  void compare_the_best(std::vector<Trial>& trials, double drop_before, double done);
   void add_pairs(const Trial& first, const std::vector<Screened>& seconds, double from, double to);
   bool check_pairs(double from, double to);
   bool try_halves(bool found);
@@ -102,15 +102,16 @@ void ForwardSelector::try_singles() {
   fits_.finish(out_.trials, fits_.solver("refitting the best", 0.5));
 }
 
-// Only fits that have come to their end can be compared, so those near the top are taken there.
-void ForwardSelector::compare_the_best() {
-  if (out_.trials.empty()) return;
-  const double near = nearness(options_, out_.trials.front().drop);
-  const double top = delta_bic(out_.trials.front(), samples_);
-  for (std::size_t i = 0; i < std::min(out_.trials.size(), options_.compared); ++i)
-    if (i == 0 || delta_bic(out_.trials[i], samples_) > top - near)
-      fits_.polish(out_.trials[i], [&] { fits_.tick("comparing the best", 0.5); });
-  fits_.sort_best_first(out_.trials);
+// Only fits that have come to their end can be compared, so those near the top are taken there. What is near
+// is measured by what the trials' last effects take off, beyond the drop of what stood before them.
+void ForwardSelector::compare_the_best(std::vector<Trial>& trials, double drop_before, double done) {
+  if (trials.empty()) return;
+  const double near = nearness(options_, trials.front().drop - drop_before);
+  const double top = delta_bic(trials.front(), samples_);
+  for (std::size_t i = 0; i < std::min(trials.size(), options_.compared); ++i)
+    if (i == 0 || delta_bic(trials[i], samples_) > top - near)
+      fits_.polish(trials[i], [&] { fits_.tick("comparing the best", done); });
+  fits_.sort_best_first(trials);
 }
 
 // The parameters may have made up for what is missing in a way that leads away from it, which the screen,
@@ -173,6 +174,7 @@ void ForwardSelector::add_pairs(const Trial& first, const std::vector<Screened>&
 
 // Whether one of the best pairs is enough.
 bool ForwardSelector::check_pairs(double from, double to) {
+  compare_the_best(pairs_, out_.trials.front().drop, from);
   std::size_t checked = 0;
   for (auto& pair : pairs_) {
     if (pair.checked) continue;
@@ -218,7 +220,7 @@ ForwardSelection ForwardSelector::find() {
   if (base_decides(out_.screened.empty() ? 0 : out_.screened.front().drop)) return std::move(out_);
   try_singles();
   // The grain of the coarse simulation can hide a minimum that is hardly a detection.
-  compare_the_best();
+  compare_the_best(out_.trials, 0, 0.5);
   if (base_decides(out_.trials.empty() ? 0 : delta_bic(out_.trials.front(), samples_)))
     return std::move(out_);
   detect();
@@ -226,7 +228,7 @@ ForwardSelection ForwardSelector::find() {
     if (task_.beyond_effects) out_.left = task_.beyond_effects(base_);
     if (has_lack_of_fit(out_, options_) && !options_.single_effect) {
       try_every_effect(nullptr);
-      compare_the_best();
+      compare_the_best(out_.trials, 0, 0.5);
       detect();
     }
     if (!out_.detected) {
