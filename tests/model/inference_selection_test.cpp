@@ -92,6 +92,30 @@ TEST(Verdict, NamesNothingThatLeavesHalf) {
   EXPECT_NEAR(probability_of_unknown(options.material_share, options), 0.5, 1e-12);
 }
 
+// Of all recordings together an effect has to take as much as of those that were learned from.
+TEST(Verdict, WhatTheLockedRecordingsKeepIsNotNamed) {
+  const auto forward = insufficient(0.05, 0.9);
+  const double learned = 100 * samples;
+  for (const double kept : {0.2, 0.9}) {  // of the locked recordings, that show half as much
+    auto found = judged(forward);
+    ASSERT_TRUE(found.excess);
+    EXPECT_DOUBLE_EQ(found.excess->before, learned);
+    const double before = found.probability_unknown;
+    const ExcessTaken locked{0.5 * learned, kept * 0.5 * learned};
+    const double drop = found.trials.front().first->drop;
+    const double share = 1 - (found.excess->left + locked.left) / (1.5 * learned);
+    EXPECT_EQ(refute(found, drop, locked, options), share < options.material_share) << share;
+    if (kept < 0.5) {
+      EXPECT_EQ(found.verdict, Verdict::named);
+      EXPECT_EQ(found.probability_unknown, before);
+    } else {
+      EXPECT_EQ(found.verdict, Verdict::unknown);
+      EXPECT_EQ(found.doubted, &forward.trials.front());
+      EXPECT_NEAR(found.probability_unknown, probability_of_unknown(share, options), 1e-9);
+    }
+  }
+}
+
 // Where a fit comes below the noise that was estimated, the noise is less, and what a single effect leaves
 // above that fit may be a second one.
 TEST(Verdict, NamesAPairThatComesBelowTheNoise) {

@@ -87,6 +87,7 @@ double rises_at_detection(const SelectionOptions& options, double drop) {
 struct Graded {
   const Trial* trial = nullptr;
   double share = 0;
+  ExcessTaken excess{};
 };
 
 // The best explanation where none is sufficient: the single effect that leaves least, or a pair if its second
@@ -112,11 +113,11 @@ Graded best_of_insufficient(const ForwardSelection& found, const SelectionOption
   };
   const Trial *single = least(1), *pair = least(2);
   Graded out;
-  if (single != nullptr) out = {single, 1 - left(single) / before};
+  if (single != nullptr) out = {single, 1 - left(single) / before, {before, left(single)}};
   if (pair == nullptr) return out;
   const double together = 1 - left(pair) / before,
                second = single != nullptr ? 1 - left(pair) / left(single) : together;
-  if (second >= options.material_share) out = {pair, std::min(together, second)};
+  if (second >= options.material_share) out = {pair, std::min(together, second), {before, left(pair)}};
   return out;
 }
 
@@ -132,7 +133,7 @@ double log_odds(const Trial& t, const Trial& leader, const SelectionOptions& opt
 // Fills in the verdict where something is there and nothing is sufficient.
 void grade(const ForwardSelection& found, const SelectionOptions& options, double samples,
            ModelSelection& out) {
-  const auto [leader, share] = best_of_insufficient(found, options, samples);
+  const auto [leader, share, excess] = best_of_insufficient(found, options, samples);
   const double something = 1 - out.probability_nothing;
   if (leader == nullptr) {
     out.verdict = Verdict::unknown;
@@ -140,6 +141,7 @@ void grade(const ForwardSelection& found, const SelectionOptions& options, doubl
     return;
   }
   const double unknown = probability_of_unknown(share, options);
+  out.excess = excess;
   out.probability_unknown = something * unknown;
   out.trials.clear();
   double sum = 0;
@@ -225,12 +227,22 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
   return out;
 }
 
-void refute(ModelSelection& selection) {
+bool refute(ModelSelection& selection, double drop, const ExcessTaken& locked,
+            const SelectionOptions& options) {
+  double unknown = 0;
+  if (drop + locked.before - locked.left < options.detection) {
+    unknown = 1;
+  } else if (const auto& learned = selection.excess) {
+    const double share = 1 - (learned->left + locked.left) / (learned->before + locked.before);
+    unknown = probability_of_unknown(share, options);
+  }
+  if (unknown <= 0.5) return false;
   selection.doubted = selection.trials.front().first;
   selection.trials.clear();
   selection.sufficient = false;
   selection.verdict = Verdict::unknown;
-  selection.probability_unknown = 1 - selection.probability_nothing;
+  selection.probability_unknown = (1 - selection.probability_nothing) * unknown;
+  return true;
 }
 
 double probability_of_unknown(double share, const SelectionOptions& options) {

@@ -6,6 +6,7 @@
 // probabilities come true is what tests/campaign measures.
 #pragma once
 
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -17,6 +18,11 @@ namespace ferrobench::model::inference {
 // Half of the 90 % interval of a normal distribution, in standard deviations.
 inline constexpr double interval_90 = 1.645;
 
+// Sums of squares of recordings above those of their noise: before an explanation, and what it leaves.
+struct ExcessTaken {
+  double before = 0, left = 0;
+};
+
 struct ModelSelection {
   Verdict verdict = Verdict::nothing_missing;
   // The best trial that would be sufficient, were it to be believed; null if another is sufficient.
@@ -24,13 +30,19 @@ struct ModelSelection {
   std::vector<std::pair<const Trial*, double>> trials;  // with probability, best first
   bool sufficient = false;                              // the first trial leaves nothing but noise
   double probability_unknown = 0, probability_nothing = 0;
+  // Of what was learned from, by the first trial; where nothing is sufficient.
+  std::optional<ExcessTaken> excess;
 };
 
 // What it returns refers to `found`.
 ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples);
 
-// Where recordings that took no part refute the best explanation: it is doubted, and the answer is unknown.
-void refute(ModelSelection& selection);
+// Whether recordings that took no part refute the best explanation, which takes this drop off what was
+// learned from: of all recordings together the sum of squares falls by less than a detection or, where
+// nothing is sufficient, by less than the material share of the excess. Then it is doubted, and the answer is
+// unknown.
+bool refute(ModelSelection& selection, double drop, const ExcessTaken& locked,
+            const SelectionOptions& options);
 
 // That the answer is something else, where the smallest share that an effect takes of the excess before it is
 // this.

@@ -114,10 +114,9 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
        .tick = [this, of](const std::string& stage,
                           double f) { s_.tick(stage, of.from + (of.to - of.from) * f); }},
       s_.out.health);
-  if (is_refuted(out)) {
-    refute(out.selection);
+  if (out.best != nullptr && !s_.held_out.empty() &&
+      refute(out.selection, out.best->drop, locked_excess(out), s_.selection))
     out.best = nullptr;
-  }
   return out;
 }
 
@@ -127,21 +126,13 @@ WhitenedRecordings Inquiry::locked_by(const SimulationOptions& simulation) const
 
 // What the recalibrated base and the best explanation leave of the recordings that were locked away, above
 // the noise. Pasts are those that stand, for it as for the base.
-Inquiry::LockedExcess Inquiry::locked_excess(const WorkflowResult& found) const {
+ExcessTaken Inquiry::locked_excess(const WorkflowResult& found) const {
   if (s_.held_out.empty()) return {};
   const auto fine = locked_by(fine_.simulation()), coarse = locked_by(coarse_.simulation());
   const auto excess = [&](const Fit& f) {
     return excess_squares(predict(fine, coarse, f.hypothesis, f.z).standardized);
   };
   return {excess(found.base), excess(found.best->fit)};
-}
-
-// Whether the best explanation gains no more in all recordings together, those that were locked away among
-// them, than two programs for the same model differ by.
-bool Inquiry::is_refuted(const WorkflowResult& found) const {
-  if (found.best == nullptr || s_.held_out.empty()) return false;
-  const auto [before, after] = locked_excess(found);
-  return found.best->drop + before - after < s_.selection.detection;
 }
 
 void Inquiry::improve_gross() {

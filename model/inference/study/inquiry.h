@@ -28,11 +28,7 @@ class Inquiry {
   WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of,
                      const SelectionOptions& selection);
   WhitenedRecordings locked_by(const SimulationOptions& simulation) const;
-  struct LockedExcess {
-    double before = 0, after = 0;
-  };
-  LockedExcess locked_excess(const WorkflowResult& found) const;
-  bool is_refuted(const WorkflowResult& found) const;
+  ExcessTaken locked_excess(const WorkflowResult& found) const;
   void improve_gross();
   void compare_explanations();
   void improve_beyond_effects();
