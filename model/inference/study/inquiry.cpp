@@ -196,7 +196,18 @@ void Inquiry::improve_beyond_effects() {
     improved = improve(after_, task, s_.out.health.warnings);
   }
   if (improved && unknown && ask_beside_tables(*improved)) return;
-  if (improved && improved->added.size() > task.named.size()) improved_ = std::move(improved);
+  if (improved && improved->added.size() > task.named.size() && (unknown || leaves_less(*improved)))
+    improved_ = std::move(improved);
+}
+
+// What is left beside a name is narrowed beside the model's error, with instruments as they were stated. That
+// may end above where noise alone had led, and is of no use then.
+bool Inquiry::leaves_less(const Improvement& narrowed) const {
+  Fit stood = after_;
+  stood.hypothesis = narrowed.hypothesis;
+  stood.z = narrowed.z;
+  stand_at(coarse_, stood);
+  return stood.squares < after_.squares;
 }
 
 // A name is given beside empirical terms if nothing is left, and if the effect takes as much of what they
