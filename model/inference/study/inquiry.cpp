@@ -196,18 +196,16 @@ void Inquiry::improve_beyond_effects() {
     improved = improve(after_, task, s_.out.health.warnings);
   }
   if (improved && unknown && ask_beside_tables(*improved)) return;
-  if (improved && improved->added.size() > task.named.size() && (unknown || leaves_less(*improved)))
-    improved_ = std::move(improved);
+  if (!improved || improved->added.size() == task.named.size()) return;
+  // Beside a name that was done beside the model's error, with instruments as they were stated. It may end
+  // above where noise alone had led, and is of no use then.
+  if (unknown || squares_at(*improved) < after_.squares) improved_ = std::move(improved);
 }
 
-// What is left beside a name is narrowed beside the model's error, with instruments as they were stated. That
-// may end above where noise alone had led, and is of no use then.
-bool Inquiry::leaves_less(const Improvement& narrowed) const {
-  Fit stood = after_;
-  stood.hypothesis = narrowed.hypothesis;
-  stood.z = narrowed.z;
-  stand_at(coarse_, stood);
-  return stood.squares < after_.squares;
+// Of the residual and the priors, by noise alone.
+double Inquiry::squares_at(const Improvement& narrowed) const {
+  return coarse_.evaluate(narrowed.hypothesis, narrowed.z).squaredNorm() +
+         prior_squares(narrowed.hypothesis, narrowed.z);
 }
 
 // A name is given beside empirical terms if nothing is left, and if the effect takes as much of what they
@@ -223,14 +221,11 @@ bool Inquiry::is_named_beside_terms(const WorkflowResult& again) const {
 bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   std::vector<AddedTerm> corrections;
   std::ranges::copy_if(narrowed.added, std::back_inserter(corrections), is_correction);
-  Fit stood = after_;
-  stood.hypothesis = narrowed.hypothesis;
-  stood.z = narrowed.z;
-  stand_at(coarse_, stood);
+  const double stood = squares_at(narrowed);
   auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
                    false, {}, {share_of_selection, share_of_second_selection}, s_.selection);
   const bool named = is_named_beside_terms(again);
-  if ((named ? again.best->fit : again.base).squares > stood.squares) return false;
+  if ((named ? again.best->fit : again.base).squares > stood) return false;
   terms_ = std::move(corrections);
   tell_beside_terms(std::move(again), named, s_.selection);
   return true;

@@ -32,7 +32,7 @@ class Inquiry {
   void improve_gross();
   void compare_explanations();
   void improve_beyond_effects();
-  bool leaves_less(const Improvement& narrowed) const;
+  double squares_at(const Improvement& narrowed) const;
   bool ask_beside_corrections(const Improvement& narrowed);
   bool ask_beside_tables(const Improvement& narrowed);
   bool is_named_beside_terms(const WorkflowResult& again) const;
