@@ -37,8 +37,11 @@ std::string pictures(const Discovery& d) {
     f.title = t.recording + (t.held_out ? ", locked away" : "") + ": " + t.segment;
     f.x_label = "time [s]";
     f.y_label = axis.label;
+    // What was measured is grey, and a model has one colour in both pictures.
     const auto series = [&](const std::string& label, const std::vector<double>& values) {
       recordings::Series s{.label = label, .points = {}};
+      s.quiet = label == "measured";
+      s.value = label == "after" ? 1 : 0;
       for (std::size_t i = 0; i < values.size(); ++i) s.points.push_back({t.time[i], axis.scale * values[i]});
       f.series.push_back(std::move(s));
     };
