@@ -440,6 +440,35 @@ TEST(Discrepancy, AnEffectIsNamedBesideATable) {
   EXPECT_GT(found.share_held_out, 0.9) << text_report(found);
 }
 
+// The same beside a lag that takes nearly all of the gap and is named at once.
+TEST(Discrepancy, ASecondEffectIsNamedBesideATableAndTheFirst) {
+  auto bench = real_bench();
+  bench.effects.push_back({"spring_hardening", {{"coefficient", 4e3}}});
+  bench.effects.push_back({"domain_wall_drag", {{"coefficient", 2e4}}});
+  bench.effects.push_back({"displacement_lag", {{"time_constant", 2e-2}}});
+  const auto found =
+      discover(given(), measure(bench),
+               {.candidates = {"displacement_lag", "domain_wall_drag", "displacement_clipping"}});
+  ASSERT_EQ(found.verdict, Verdict::named) << text_report(found);
+  ASSERT_EQ(found.explanations.size(), 1U) << text_report(found);
+  const auto& effects = found.explanations.front().effects;
+  ASSERT_EQ(effects.size(), 2U) << text_report(found);
+  ASSERT_EQ(found.added.size(), 3U) << text_report(found);
+  EXPECT_EQ(found.added[0].term.id, "empirical_spring");
+  const std::vector<std::pair<std::string, double>> hidden{{"displacement_lag", 2e-2},
+                                                           {"domain_wall_drag", 2e4}};
+  for (std::size_t i = 0; i < hidden.size(); ++i) {
+    EXPECT_EQ(effects[i].id, hidden[i].first);
+    EXPECT_EQ(found.added[i + 1].term.id, hidden[i].first);
+    EXPECT_FALSE(found.added[i + 1].empirical);
+    EXPECT_NEAR(effects[i].parameters.front().value, hidden[i].second, 0.1 * hidden[i].second);
+  }
+  EXPECT_GT(found.added[2].share.value_or(0), 0.9);
+  EXPECT_GT(found.share_held_out, 0.9) << text_report(found);
+  for (const auto& [path, moved] : found.recalibrated) EXPECT_FALSE(path.starts_with("effects.")) << path;
+  EXPECT_EQ(found.improved.effects.size(), 3U);
+}
+
 // A smaller gap beside instruments that are a few percent off: what narrows it goes by noise, with what was
 // recalibrated, and leaves no more in any channel, learned or locked, than stood before.
 TEST(Discrepancy, NarrowingASmallGapKeepsTheInstruments) {

@@ -17,11 +17,8 @@ namespace {
 constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
 constexpr int most_domains = 16000;
 
-// Of the time, until effects are selected, where a gap is narrowed afterwards (measured: about half); and
-// until the base is recalibrated. Where nothing is to be narrowed, progress ends with a leap.
-constexpr double share_of_selection = 0.6, share_of_recalibration = 0.15;
-// And until effects are selected beside corrections of the kinetics.
-constexpr double share_of_second_selection = 0.85;
+// Of the time, until the base is recalibrated.
+constexpr double share_of_recalibration = 0.15;
 
 // Residual and slopes where a fit stands, by noise alone.
 void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
@@ -30,35 +27,6 @@ void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
   fit.squares = fit.residual.squaredNorm() + prior_squares(fit.hypothesis, fit.z);
   fit.groups = residuals.groups();
   refresh_jacobian(residuals, fit);
-}
-
-constexpr auto gap_without_a_name = "Recalibrated, with terms that narrow a gap that has no name.";
-
-bool is_correction(const AddedTerm& a) {
-  return a.empirical && !find_effect(a.term.id).table;
-}
-
-// The share of the sum of squares above the noise's that is gone after; none is known better than by its
-// standard deviation.
-double share_of_excess(const Fit& before, const Fit& after, double samples) {
-  const auto excess = [samples](const Fit& f) {
-    return std::max(f.squares - samples, std::sqrt(2 * samples));
-  };
-  return 1 - excess(after) / excess(before);
-}
-
-// The base with the corrections that narrow its gap, whose numbers are its own from now on.
-Hypothesis with_corrections(Hypothesis base, const Model& narrowed,
-                            const std::vector<AddedTerm>& corrections) {
-  for (const auto& a : corrections) {
-    const auto& effect = find_effect(a.term.id);
-    std::vector<double> values;
-    for (const auto& p : effect.parameters)
-      values.push_back(get_parameter(narrowed, "effects." + a.term.id + "." + std::string(p.name)));
-    base = with_effect(base, effect, values);
-  }
-  base.base_count = base.parameters.size();
-  return base;
 }
 
 }  // namespace
@@ -98,7 +66,7 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
                             const SelectionOptions& selection) {
   auto out = run_workflow(
       coarse_, fine_, base,
-      {.candidates = s_.candidates,
+      {.candidates = candidates_beside(base.model),
        .seed = s_.options.seed,
        .start = std::move(start),
        .most_domains = most_domains,
@@ -117,6 +85,15 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
   if (out.best != nullptr && !s_.held_out.empty() &&
       refute(out.selection, out.best->drop, locked_excess(out), s_.selection))
     out.best = nullptr;
+  return out;
+}
+
+// Those that this model does not have.
+std::vector<const Effect*> Inquiry::candidates_beside(const Model& model) const {
+  auto out = s_.candidates;
+  std::erase_if(out, [&](const Effect* e) {
+    return std::ranges::any_of(model.effects, [e](const EffectSetting& has) { return has.id == e->id; });
+  });
   return out;
 }
 
@@ -172,115 +149,6 @@ void Inquiry::compare_explanations() {
   s_.tick("looking for the experiment that would decide", share_of_selection);
   out.next_experiment =
       choose_experiment(coarse_, s_.noise, trials[0].first->fit, trials[1].first->fit, s_.selection);
-}
-
-// Where nothing could be named, or what was named leaves a material rest.
-void Inquiry::improve_beyond_effects() {
-  if (found_.selection.verdict == Verdict::nothing_missing || found_.selection.sufficient) return;
-  const bool unknown = s_.out.verdict == Verdict::unknown;
-  if (!unknown && !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor)) return;
-  auto task = improvement_task(s_, fine_.simulation(),
-                               terms_.empty() ? share_of_selection : share_of_second_selection);
-  std::erase_if(task.corrections, [this](const Effect* e) {
-    return std::ranges::any_of(terms_, [e](const AddedTerm& a) { return a.term.id == e->id; });
-  });
-  if (unknown)
-    task.by_noise = &coarse_;
-  else
-    task.named = s_.out.added;
-  task.tables_beside_corrections = !unknown || !terms_.empty();
-  auto improved = improve(after_, task, s_.out.health.warnings);
-  if (improved && !task.tables_beside_corrections && std::ranges::any_of(improved->added, is_correction)) {
-    if (ask_beside_corrections(*improved)) return improve_beyond_effects();
-    task.tables_beside_corrections = true;
-    improved = improve(after_, task, s_.out.health.warnings);
-  }
-  if (improved && unknown && ask_beside_tables(*improved)) return;
-  if (!improved || improved->added.size() == task.named.size()) return;
-  // Beside a name that was done beside the model's error, with instruments as they were stated. It may end
-  // above where noise alone had led, and is of no use then.
-  if (unknown || squares_at(*improved) < after_.squares) improved_ = std::move(improved);
-}
-
-// Of the residual and the priors, by noise alone.
-double Inquiry::squares_at(const Improvement& narrowed) const {
-  return coarse_.evaluate(narrowed.hypothesis, narrowed.z).squaredNorm() +
-         prior_squares(narrowed.hypothesis, narrowed.z);
-}
-
-// A name is given beside empirical terms if nothing is left, and if the effect takes as much of what they
-// leave as it has to where a model is wrong a little: they stand for what has no name, and do so nearly.
-bool Inquiry::is_named_beside_terms(const WorkflowResult& again) const {
-  return again.best != nullptr && again.selection.sufficient &&
-         share_of_excess(again.base, again.best->fit, coarse_.samples()) >= s_.selection.material_share;
-}
-
-// Corrections of the kinetics make another base. Recalibrated from where the base was given it may end in
-// another valley, and beside it effects may show that the wrong base hid. Whether that leads farther down;
-// then it takes the place of what was found.
-bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
-  std::vector<AddedTerm> corrections;
-  std::ranges::copy_if(narrowed.added, std::back_inserter(corrections), is_correction);
-  const double stood = squares_at(narrowed);
-  auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
-                   false, {}, {share_of_selection, share_of_second_selection}, s_.selection);
-  const bool named = is_named_beside_terms(again);
-  if ((named ? again.best->fit : again.base).squares > stood) return false;
-  terms_ = std::move(corrections);
-  tell_beside_terms(std::move(again), named, s_.selection);
-  return true;
-}
-
-// An effect that did not take its share of the gap may have shared it with physics that has no name. Where
-// tables narrow it beside the effect they become part of the base as they stand, the effect is taken out, and
-// the workflow is gone through from there. Tables only stand for what is true, so an effect is sufficient
-// beside them that takes its share of what they leave. Whether one is named.
-bool Inquiry::ask_beside_tables(const Improvement& narrowed) {
-  Hypothesis base = narrowed.hypothesis;
-  std::vector<AddedTerm> tables;
-  for (const auto& a : narrowed.added)
-    if (a.empirical)
-      tables.push_back(a);
-    else
-      base = without_effect(std::move(base), a.term.id);
-  if (tables.empty() || tables.size() == narrowed.added.size()) return false;
-  base.base_count = base.parameters.size();
-  auto selection = s_.selection;
-  selection.relative_remainder = 1 - selection.material_share;
-  auto again = ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z),
-                   {share_of_second_selection, share_of_second_selection}, selection);
-  if (!is_named_beside_terms(again)) return false;
-  const auto [before, after] = locked_excess(again);
-  if (after > (1 - s_.selection.material_share) * before) return false;
-  const double share = share_of_excess(again.base, again.best->fit, coarse_.samples());
-  std::ranges::move(tables, std::back_inserter(terms_));
-  tell_beside_terms(std::move(again), true, selection);
-  if (found_.best->effects.size() == 1) {
-    s_.out.added.back().share = share;
-    if (before > 0) s_.out.added.back().share_held_out = 1 - after / before;
-  }
-  return true;
-}
-
-void Inquiry::tell_beside_terms(WorkflowResult again, bool named, const SelectionOptions& asked_by) {
-  found_ = std::move(again);
-  after_ = named ? found_.best->fit : found_.base;
-  auto& out = s_.out;
-  if (named) {
-    out.not_testable = untestable_;
-    summarize(found_, asked_by, out);
-    compare_explanations();
-  }
-  estimate_terms(after_, after_.hypothesis, after_.z, s_.selection.likelihood_tempering, terms_);
-  out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
-  out.recalibrated = recalibrations(after_, s_.selection);
-  for (const auto& a : terms_)
-    std::erase_if(out.recalibrated,
-                  [&](const auto& r) { return r.first.starts_with("effects." + a.term.id + "."); });
-  out.recalibrated_base = model_at(before_, "Recalibrated.");
-  out.improved =
-      model_at(after_, named ? "Recalibrated, with what was found missing and terms that have no name."
-                             : gap_without_a_name);
 }
 
 // A gross base counts under the pasts that are likeliest for it, as what was added does under its own.

@@ -21,20 +21,27 @@ class Inquiry {
   std::set<std::size_t> run();
 
  private:
+  // Of the time, until effects are selected, where a gap is narrowed afterwards (measured: about half). Where
+  // nothing is to be narrowed, progress ends with a leap.
+  static constexpr double share_of_selection = 0.6;
+  static constexpr auto gap_without_a_name = "Recalibrated, with terms that narrow a gap that has no name.";
+
   SimulationOptions fine_for(const Model& base) const;
   struct Progress {
     double from = 0, to = 1;
   };
   WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of,
                      const SelectionOptions& selection);
+  std::vector<const Effect*> candidates_beside(const Model& model) const;
   WhitenedRecordings locked_by(const SimulationOptions& simulation) const;
   ExcessTaken locked_excess(const WorkflowResult& found) const;
   void improve_gross();
   void compare_explanations();
   void improve_beyond_effects();
+  bool name_a_second_effect();
   double squares_at(const Improvement& narrowed) const;
   bool ask_beside_corrections(const Improvement& narrowed);
-  bool ask_beside_tables(const Improvement& narrowed);
+  bool ask_beside_tables(const Improvement& narrowed, std::vector<const Effect*> named = {});
   bool is_named_beside_terms(const WorkflowResult& again) const;
   void tell_beside_terms(WorkflowResult again, bool named, const SelectionOptions& asked_by);
   void under_pasts_of_base(const std::function<void()>& what);

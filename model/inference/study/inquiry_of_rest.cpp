@@ -1,0 +1,198 @@
+// Of an inquiry, what is asked where effects alone are not sufficient: of the rest, and again beside what
+// narrows it.
+#include <algorithm>
+#include <cmath>
+
+#include "model/inference/study/inquiry.h"
+#include "model/inference/study/validation.h"
+
+namespace ferrobench::model::inference {
+namespace {
+
+// Of the time, until effects are selected beside corrections of the kinetics.
+constexpr double share_of_second_selection = 0.85;
+
+bool is_correction(const AddedTerm& a) {
+  return a.empirical && !find_effect(a.term.id).table;
+}
+
+// The share of the sum of squares above the noise's that is gone after; none is known better than by its
+// standard deviation.
+double share_of_excess(const Fit& before, const Fit& after, double samples) {
+  const auto excess = [samples](const Fit& f) {
+    return std::max(f.squares - samples, std::sqrt(2 * samples));
+  };
+  return 1 - excess(after) / excess(before);
+}
+
+// The effects' parameters count as the base's last ones from now on.
+Hypothesis as_last_of_base(Hypothesis h, const std::vector<const Effect*>& effects) {
+  std::ranges::stable_partition(h.parameters, [&](const ScaledParameter& p) {
+    return std::ranges::none_of(
+        effects, [&](const Effect* e) { return p.path.starts_with("effects." + std::string(e->id) + "."); });
+  });
+  h.base_count = h.parameters.size();
+  return h;
+}
+
+// Effects whose parameters are the base's last ones become a part of each explanation.
+void count_among_effects(ForwardSelection& found, const std::vector<const Effect*>& effects) {
+  std::size_t parameters = 0;
+  for (const auto* e : effects) parameters += e->parameters.size();
+  for (auto& t : found.trials) {
+    t.effects.insert(t.effects.begin(), effects.begin(), effects.end());
+    t.fit.hypothesis.base_count -= parameters;
+  }
+}
+
+// The base with the corrections that narrow its gap, whose numbers are its own from now on.
+Hypothesis with_corrections(Hypothesis base, const Model& narrowed,
+                            const std::vector<AddedTerm>& corrections) {
+  for (const auto& a : corrections) {
+    const auto& effect = find_effect(a.term.id);
+    std::vector<double> values;
+    for (const auto& p : effect.parameters)
+      values.push_back(get_parameter(narrowed, "effects." + a.term.id + "." + std::string(p.name)));
+    base = with_effect(base, effect, values);
+  }
+  base.base_count = base.parameters.size();
+  return base;
+}
+
+}  // namespace
+
+// Where nothing could be named, or what was named leaves a material rest.
+void Inquiry::improve_beyond_effects() {
+  if (found_.selection.verdict == Verdict::nothing_missing || found_.selection.sufficient) return;
+  const bool unknown = s_.out.verdict == Verdict::unknown;
+  if (!unknown && !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor)) return;
+  if (!unknown && name_a_second_effect()) return;
+  auto task = improvement_task(s_, fine_.simulation(),
+                               terms_.empty() ? share_of_selection : share_of_second_selection);
+  std::erase_if(task.corrections, [this](const Effect* e) {
+    return std::ranges::any_of(terms_, [e](const AddedTerm& a) { return a.term.id == e->id; });
+  });
+  if (unknown)
+    task.by_noise = &coarse_;
+  else
+    task.named = s_.out.added;
+  task.tables_beside_corrections = !unknown || !terms_.empty();
+  auto improved = improve(after_, task, s_.out.health.warnings);
+  if (improved && !task.tables_beside_corrections && std::ranges::any_of(improved->added, is_correction)) {
+    if (ask_beside_corrections(*improved)) return improve_beyond_effects();
+    task.tables_beside_corrections = true;
+    improved = improve(after_, task, s_.out.health.warnings);
+  }
+  if (improved && unknown && ask_beside_tables(*improved)) return;
+  if (!improved || improved->added.size() == task.named.size()) return;
+  // Beside a name that was done beside the model's error, with instruments as they were stated. It may end
+  // above where noise alone had led, and is of no use then.
+  if (unknown || squares_at(*improved) < after_.squares) improved_ = std::move(improved);
+}
+
+// Constants of the base may have taken up a second effect as far as they could, so that it misses its share
+// of what the first one leaves. So that is asked like a gap without a name, the first effect a part of the
+// base. Whether one is named.
+bool Inquiry::name_a_second_effect() {
+  if (s_.out.verdict != Verdict::named || found_.best->effects.size() != 1) return false;
+  auto task = improvement_task(s_, fine_.simulation(), share_of_selection);
+  task.by_noise = &coarse_;
+  task.candidates = candidates_beside(after_.hypothesis.model);
+  const auto stood = pasts_of(s_.bench);
+  const auto improved = improve(after_, task, s_.out.health.warnings);
+  if (improved && ask_beside_tables(*improved, found_.best->effects)) return true;
+  if (task.set_pasts) task.set_pasts(stood);
+  return false;
+}
+
+// Of the residual and the priors, by noise alone.
+double Inquiry::squares_at(const Improvement& narrowed) const {
+  return coarse_.evaluate(narrowed.hypothesis, narrowed.z).squaredNorm() +
+         prior_squares(narrowed.hypothesis, narrowed.z);
+}
+
+// A name is given beside empirical terms if nothing is left, and if the effect takes as much of what they
+// leave as it has to where a model is wrong a little: they stand for what has no name, and do so nearly.
+bool Inquiry::is_named_beside_terms(const WorkflowResult& again) const {
+  return again.best != nullptr && again.selection.sufficient &&
+         share_of_excess(again.base, again.best->fit, coarse_.samples()) >= s_.selection.material_share;
+}
+
+// Corrections of the kinetics make another base. Recalibrated from where the base was given it may end in
+// another valley, and beside it effects may show that the wrong base hid. Whether that leads farther down;
+// then it takes the place of what was found.
+bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
+  std::vector<AddedTerm> corrections;
+  std::ranges::copy_if(narrowed.added, std::back_inserter(corrections), is_correction);
+  const double stood = squares_at(narrowed);
+  auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
+                   false, {}, {share_of_selection, share_of_second_selection}, s_.selection);
+  const bool named = is_named_beside_terms(again);
+  if ((named ? again.best->fit : again.base).squares > stood) return false;
+  terms_ = std::move(corrections);
+  tell_beside_terms(std::move(again), named, s_.selection);
+  return true;
+}
+
+// An effect that did not take its share of the gap may have shared it with physics that has no name. Where
+// tables narrow it beside the effect they become part of the base as they stand, the effect is taken out, and
+// the workflow is gone through from there. Tables only stand for what is true, so an effect is sufficient
+// beside them that takes its share of what they leave. What is `named` already remains in the base, and is
+// told with what is found then. Whether an effect is named.
+bool Inquiry::ask_beside_tables(const Improvement& narrowed, std::vector<const Effect*> named) {
+  Hypothesis base = narrowed.hypothesis;
+  std::vector<AddedTerm> tables;
+  for (const auto& a : narrowed.added)
+    if (a.empirical)
+      tables.push_back(a);
+    else
+      base = without_effect(std::move(base), a.term.id);
+  if (tables.empty() || tables.size() == narrowed.added.size()) return false;
+  base = as_last_of_base(std::move(base), named);
+  auto selection = s_.selection;
+  selection.relative_remainder = 1 - selection.material_share;
+  auto again = ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z),
+                   {share_of_second_selection, share_of_second_selection}, selection);
+  if (!is_named_beside_terms(again)) return false;
+  const bool is_alone = again.best->effects.size() == 1;
+  if (!named.empty() && !is_alone) return false;
+  const auto [before, after] = locked_excess(again);
+  if (after > (1 - s_.selection.material_share) * before) return false;
+  const double share = share_of_excess(again.base, again.best->fit, coarse_.samples());
+  std::ranges::move(tables, std::back_inserter(terms_));
+  count_among_effects(again.forward, named);
+  auto& out = s_.out;
+  const double certainty =
+      named.empty() ? 1 : out.explanations.front().probability / (1 - out.probability_unknown);
+  tell_beside_terms(std::move(again), true, selection);
+  for (auto& e : out.explanations) e.probability *= certainty;
+  out.probability_unknown = 1 - certainty * (1 - out.probability_unknown);
+  if (is_alone) {
+    out.added.back().share = share;
+    if (before > 0) out.added.back().share_held_out = 1 - after / before;
+  }
+  return true;
+}
+
+void Inquiry::tell_beside_terms(WorkflowResult again, bool named, const SelectionOptions& asked_by) {
+  found_ = std::move(again);
+  after_ = named ? found_.best->fit : found_.base;
+  auto& out = s_.out;
+  if (named) {
+    out.not_testable = untestable_;
+    summarize(found_, asked_by, out);
+    compare_explanations();
+  }
+  estimate_terms(after_, after_.hypothesis, after_.z, s_.selection.likelihood_tempering, terms_);
+  out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
+  out.recalibrated = recalibrations(after_, s_.selection);
+  for (const auto& a : terms_)
+    std::erase_if(out.recalibrated,
+                  [&](const auto& r) { return r.first.starts_with("effects." + a.term.id + "."); });
+  out.recalibrated_base = model_at(before_, "Recalibrated.");
+  out.improved =
+      model_at(after_, named ? "Recalibrated, with what was found missing and terms that have no name."
+                             : gap_without_a_name);
+}
+
+}  // namespace ferrobench::model::inference
