@@ -41,7 +41,7 @@ class Inquiry {
   bool name_a_second_effect();
   double squares_at(const Improvement& narrowed) const;
   bool ask_beside_corrections(const Improvement& narrowed);
-  bool ask_beside_tables(const Improvement& narrowed, std::vector<const Effect*> named = {});
+  bool ask_beside_tables(const Improvement& narrowed, const std::vector<const Effect*>& named = {});
   bool is_named_beside_terms(const WorkflowResult& again) const;
   void tell_beside_terms(WorkflowResult again, bool named, const SelectionOptions& asked_by);
   void under_pasts_of_base(const std::function<void()>& what);

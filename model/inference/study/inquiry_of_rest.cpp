@@ -27,7 +27,7 @@ double share_of_excess(const Fit& before, const Fit& after, double samples) {
 
 // The effects' parameters count as the base's last ones from now on.
 Hypothesis as_last_of_base(Hypothesis h, const std::vector<const Effect*>& effects) {
-  std::ranges::stable_partition(h.parameters, [&](const ScaledParameter& p) {
+  std::stable_partition(h.parameters.begin(), h.parameters.end(), [&](const ScaledParameter& p) {
     return std::ranges::none_of(
         effects, [&](const Effect* e) { return p.path.starts_with("effects." + std::string(e->id) + "."); });
   });
@@ -98,9 +98,10 @@ bool Inquiry::name_a_second_effect() {
   auto task = improvement_task(s_, fine_.simulation(), share_of_selection);
   task.by_noise = &coarse_;
   task.candidates = candidates_beside(after_.hypothesis.model);
+  const auto named = found_.best->effects;
   const auto stood = pasts_of(s_.bench);
   const auto improved = improve(after_, task, s_.out.health.warnings);
-  if (improved && ask_beside_tables(*improved, found_.best->effects)) return true;
+  if (improved && ask_beside_tables(*improved, named)) return true;
   if (task.set_pasts) task.set_pasts(stood);
   return false;
 }
@@ -139,7 +140,7 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
 // the workflow is gone through from there. Tables only stand for what is true, so an effect is sufficient
 // beside them that takes its share of what they leave. What is `named` already remains in the base, and is
 // told with what is found then. Whether an effect is named.
-bool Inquiry::ask_beside_tables(const Improvement& narrowed, std::vector<const Effect*> named) {
+bool Inquiry::ask_beside_tables(const Improvement& narrowed, const std::vector<const Effect*>& named) {
   Hypothesis base = narrowed.hypothesis;
   std::vector<AddedTerm> tables;
   for (const auto& a : narrowed.added)
