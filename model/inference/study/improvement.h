@@ -49,7 +49,7 @@ struct ImprovementTask {
   // alone is the measure and has found something.
   double floor = 0;
   // Residuals of `train` by noise alone, where that is the measure still. Null where the model is wrong by
-  // much, or has named effects that leave more than `floor`: it is fitted beside its own error then, and
+  // much, or where what `named` leaves is to be narrowed: it is fitted beside its own error then, and
   // gains and offsets are taken for what the instruments state while terms are looked for. Nobody could tell
   // that they are off, and the model is handed on without them.
   const WhitenedRecordings* by_noise = nullptr;

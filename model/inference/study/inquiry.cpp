@@ -1,7 +1,6 @@
 #include "model/inference/study/inquiry.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "model/inference/selection/candidates.h"
 #include "model/inference/selection/experiment_design.h"

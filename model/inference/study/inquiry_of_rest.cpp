@@ -98,12 +98,18 @@ bool Inquiry::name_a_second_effect() {
   auto task = improvement_task(s_, fine_.simulation(), share_of_selection);
   task.by_noise = &coarse_;
   task.candidates = candidates_beside(after_.hypothesis.model);
+  auto& out = s_.out;
   const auto named = found_.best->effects;
+  const double among_rivals = out.explanations.front().probability / (1 - out.probability_unknown);
   const auto stood = pasts_of(s_.bench);
-  const auto improved = improve(after_, task, s_.out.health.warnings);
-  if (improved && ask_beside_tables(*improved, named)) return true;
-  if (task.set_pasts) task.set_pasts(stood);
-  return false;
+  const auto improved = improve(after_, task, out.health.warnings);
+  if (!improved || !ask_beside_tables(*improved, named)) {
+    if (task.set_pasts) task.set_pasts(stood);
+    return false;
+  }
+  for (auto& e : out.explanations) e.probability *= among_rivals;
+  out.probability_unknown = 1 - among_rivals * (1 - out.probability_unknown);
+  return true;
 }
 
 // Of the residual and the priors, by noise alone.
@@ -162,15 +168,10 @@ bool Inquiry::ask_beside_tables(const Improvement& narrowed, const std::vector<c
   const double share = share_of_excess(again.base, again.best->fit, coarse_.samples());
   std::ranges::move(tables, std::back_inserter(terms_));
   count_among_effects(again.forward, named);
-  auto& out = s_.out;
-  const double certainty =
-      named.empty() ? 1 : out.explanations.front().probability / (1 - out.probability_unknown);
   tell_beside_terms(std::move(again), true, selection);
-  for (auto& e : out.explanations) e.probability *= certainty;
-  out.probability_unknown = 1 - certainty * (1 - out.probability_unknown);
   if (is_alone) {
-    out.added.back().share = share;
-    if (before > 0) out.added.back().share_held_out = 1 - after / before;
+    s_.out.added.back().share = share;
+    if (before > 0) s_.out.added.back().share_held_out = 1 - after / before;
   }
   return true;
 }
