@@ -71,7 +71,7 @@ struct ImprovementTask {
   bool until_noise_may_judge = false;
   // Whether tables are added where corrections of the kinetics were; else these end it.
   bool tables_beside_corrections = true;
-  std::function<void(const std::string& stage, double fraction)> tick;
+  std::function<void(const std::string& stage, double fraction)> tick{};
 };
 
 struct Improvement {

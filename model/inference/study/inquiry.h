@@ -21,17 +21,15 @@ class Inquiry {
   std::set<std::size_t> run();
 
  private:
-  // Of the time, until effects are selected, where a gap is narrowed afterwards (measured: about half). Where
-  // nothing is to be narrowed, progress ends with a leap.
-  static constexpr double share_of_selection = 0.6;
   static constexpr auto gap_without_a_name = "Recalibrated, with terms that narrow a gap that has no name.";
 
   SimulationOptions fine_for(const Model& base) const;
-  struct Progress {
-    double from = 0, to = 1;
-  };
-  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, Progress of,
+  // Tells of the next part of the time: of this share of what is left until the proof. What is asked after
+  // that hangs on what is found, so progress may end with a leap.
+  Ticker next_part(double share);
+  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, double share,
                      const SelectionOptions& selection);
+  std::optional<Improvement> narrow(const Fit& from, ImprovementTask& task, double share);
   std::vector<const Effect*> candidates_beside(const Model& model) const;
   WhitenedRecordings locked_by(const SimulationOptions& simulation) const;
   ExcessTaken locked_excess(const WorkflowResult& found) const;
@@ -56,6 +54,7 @@ class Inquiry {
   std::vector<AddedTerm> terms_;         // empirical ones, beside which `found_` was asked for
   std::vector<std::string> untestable_;  // whatever the model
   std::optional<Improvement> improved_;
+  double done_ = 0;     // of the time
   Fit before_, after_;  // the recalibrated base, and with what is added
 };
 

@@ -9,8 +9,8 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// Of the time, until effects are selected beside corrections of the kinetics.
-constexpr double share_of_second_selection = 0.85;
+// Of the time that is left, where something else may follow.
+constexpr double share_of_each = 0.6;
 
 bool is_correction(const AddedTerm& a) {
   return a.empirical && !find_effect(a.term.id).table;
@@ -67,8 +67,7 @@ void Inquiry::improve_beyond_effects() {
   const bool unknown = s_.out.verdict == Verdict::unknown;
   if (!unknown && !is_material(fine_, after_.hypothesis, after_.z, s_.options.floor)) return;
   if (!unknown && name_a_second_effect()) return;
-  auto task = improvement_task(s_, fine_.simulation(),
-                               terms_.empty() ? share_of_selection : share_of_second_selection);
+  auto task = improvement_task(s_, fine_.simulation());
   std::erase_if(task.corrections, [this](const Effect* e) {
     return std::ranges::any_of(terms_, [e](const AddedTerm& a) { return a.term.id == e->id; });
   });
@@ -77,11 +76,11 @@ void Inquiry::improve_beyond_effects() {
   else
     task.named = s_.out.added;
   task.tables_beside_corrections = !unknown || !terms_.empty();
-  auto improved = improve(after_, task, s_.out.health.warnings);
+  auto improved = narrow(after_, task, share_of_each);
   if (improved && !task.tables_beside_corrections && std::ranges::any_of(improved->added, is_correction)) {
     if (ask_beside_corrections(*improved)) return improve_beyond_effects();
     task.tables_beside_corrections = true;
-    improved = improve(after_, task, s_.out.health.warnings);
+    improved = narrow(after_, task, share_of_each);
   }
   if (improved && unknown && ask_beside_tables(*improved)) return;
   if (!improved || improved->added.size() == task.named.size()) return;
@@ -95,14 +94,14 @@ void Inquiry::improve_beyond_effects() {
 // base. Whether one is named.
 bool Inquiry::name_a_second_effect() {
   if (s_.out.verdict != Verdict::named || found_.best->effects.size() != 1) return false;
-  auto task = improvement_task(s_, fine_.simulation(), share_of_selection);
+  auto task = improvement_task(s_, fine_.simulation());
   task.by_noise = &coarse_;
   task.candidates = candidates_beside(after_.hypothesis.model);
   auto& out = s_.out;
   const auto named = found_.best->effects;
   const double among_rivals = out.explanations.front().probability / (1 - out.probability_unknown);
   const auto stood = pasts_of(s_.bench);
-  const auto improved = improve(after_, task, out.health.warnings);
+  const auto improved = narrow(after_, task, share_of_each);
   if (!improved || !ask_beside_tables(*improved, named)) {
     if (task.set_pasts) task.set_pasts(stood);
     return false;
@@ -133,7 +132,7 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   std::ranges::copy_if(narrowed.added, std::back_inserter(corrections), is_correction);
   const double stood = squares_at(narrowed);
   auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
-                   false, {}, {share_of_selection, share_of_second_selection}, s_.selection);
+                   false, {}, share_of_each, s_.selection);
   const bool named = is_named_beside_terms(again);
   if ((named ? again.best->fit : again.base).squares > stood) return false;
   terms_ = std::move(corrections);
@@ -158,8 +157,8 @@ bool Inquiry::ask_beside_tables(const Improvement& narrowed, const std::vector<c
   base = as_last_of_base(std::move(base), named);
   auto selection = s_.selection;
   selection.relative_remainder = 1 - selection.material_share;
-  auto again = ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z),
-                   {share_of_second_selection, share_of_second_selection}, selection);
+  auto again =
+      ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z), share_of_each, selection);
   if (!is_named_beside_terms(again)) return false;
   const bool is_alone = again.best->effects.size() == 1;
   if (!named.empty() && !is_alone) return false;

@@ -46,20 +46,18 @@ void settle_unknown_pasts(const Model& base, Session& s) {
   tell_pasts(s);
 }
 
-ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, double begun) {
-  ImprovementTask task{
-      .bench = &s.bench,
-      .noise = &s.noise,
-      .train = s.train,
-      .held_out = s.held_out,
-      .candidates = s.candidates,
-      .corrections = s.corrections,
-      .tables = s.tables,
-      .simulation = fine,
-      .threads = s.threads,
-      .selection = s.selection,
-      .floor = s.options.floor,
-      .tick = [&s, begun](const std::string& stage, double f) { s.tick(stage, begun + (0.95 - begun) * f); }};
+ImprovementTask improvement_task(Session& s, const SimulationOptions& fine) {
+  ImprovementTask task{.bench = &s.bench,
+                       .noise = &s.noise,
+                       .train = s.train,
+                       .held_out = s.held_out,
+                       .candidates = s.candidates,
+                       .corrections = s.corrections,
+                       .tables = s.tables,
+                       .simulation = fine,
+                       .threads = s.threads,
+                       .selection = s.selection,
+                       .floor = s.options.floor};
   if (std::ranges::none_of(s.out.pasts, &FittedPast::chosen)) return task;
   task.choose_pasts = [&s](const Model& m) { return likeliest_pasts_over_range(m, s.data, s.watched({})); };
   task.set_pasts = [&s](const std::vector<protocols::Past>& pasts) {

@@ -48,8 +48,8 @@ void tell_pasts(Session& s);
 std::vector<bool> held_out_by(const Session& s);
 void split(Session& s, const std::vector<bool>& held);
 
-// What narrowing a gap needs to know of this bench; `begun` of the whole is done before.
-ImprovementTask improvement_task(Session& s, const SimulationOptions& fine, double begun);
+// What narrowing a gap needs to know of this bench, but for whom it tells of its progress.
+ImprovementTask improvement_task(Session& s, const SimulationOptions& fine);
 // A model that is wrong by much may have misled the choice of pasts, and be far from its best parameters.
 void allow_far_search(Session& s, ImprovementTask& task);
 
