@@ -2,8 +2,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "recordings/analysis/statistics.h"
 
@@ -69,54 +71,58 @@ const std::array<Covariances, 8>& expectations() {
   return table;
 }
 
-double second_differences(const Windows& windows) {
-  double sum = 0;
-  for (const auto& w : windows) {
-    const auto e = vector_of(w);
-    sum +=
-        (e.head(window_rows - 2) - 2 * e.segment(1, window_rows - 2) + e.tail(window_rows - 2)).squaredNorm();
-  }
-  return sum;
+double second_differences(const Window& e) {
+  return (e.head(window_rows - 2) - 2 * e.segment(1, window_rows - 2) + e.tail(window_rows - 2))
+      .squaredNorm();
 }
 
-// A tone that stands out of the windows' mean spectrum is taken out of each of them. By what factor their
-// second differences, from which the noise's level comes, are too large with it.
-double remove_tone(Windows& windows) {
-  if (windows.size() < 4) return 1;
-  constexpr int bins = window_rows / 2;
-  std::vector<double> power(bins, 0.0);
-  const auto wave = [](double frequency) {
-    Eigen::Matrix<double, window_rows, 2> w;
-    for (int i = 0; i < window_rows; ++i) {
-      const double phase = 2 * std::numbers::pi * frequency * i;
-      w.row(i) << std::cos(phase), std::sin(phase);
-    }
-    return w;
-  };
-  for (int b = 4; b < bins; ++b) {
-    const auto w = wave(static_cast<double>(b) / window_rows);
-    for (const auto& e : windows)
-      power[static_cast<std::size_t>(b)] += (w.transpose() * vector_of(e)).squaredNorm();
+// The standard deviation of white noise with such second differences.
+double level_of(double second_differences) {
+  return std::sqrt(second_differences / (6.0 * (window_rows - 2)));
+}
+
+// Cosine and sine of a tone of so many periods in a window, detrended as the window is.
+using Tone = Eigen::Matrix<double, window_rows, 2>;
+Tone tone(double periods) {
+  Tone w;
+  for (int i = 0; i < window_rows; ++i) {
+    const double phase = 2 * std::numbers::pi * periods * i / window_rows;
+    w.row(i) << std::cos(phase), std::sin(phase);
   }
-  const auto top = std::max_element(power.begin() + 4, power.end());
-  if (*top < 6 * median({power.begin() + 4, power.end()})) return 1;
-  const auto bin = static_cast<double>(top - power.begin());
-  double best = 0, frequency = bin / window_rows;
-  for (int k = -20; k <= 20; ++k) {
-    const double f = (bin + 0.05 * k) / window_rows;
-    const auto w = wave(f);
-    double sum = 0;
-    for (const auto& e : windows) sum += (w.transpose() * vector_of(e)).squaredNorm();
-    if (sum > best) {
-      best = sum;
-      frequency = f;
-    }
+  return detrending() * w;
+}
+
+// Of all windows, the squares that a tone takes, its amplitude and phase free in each.
+double squares_of_tone(const Windows& windows, double periods) {
+  const Tone w = tone(periods);
+  const Eigen::LLT<Eigen::Matrix2d> normal(w.transpose() * w);
+  double out = 0;
+  for (const auto& e : windows) {
+    const Eigen::Vector2d along = w.transpose() * vector_of(e);
+    out += along.dot(normal.solve(along));
   }
-  const auto w = wave(frequency);
-  const Eigen::Matrix<double, 2, window_rows> solve = (w.transpose() * w).inverse() * w.transpose();
-  const double with = second_differences(windows);
-  for (auto& e : windows) vector_of(e) -= w * (solve * vector_of(e));
-  return std::sqrt(with / second_differences(windows));
+  return out;
+}
+
+// The periods in a window of a tone that stands out of the windows' mean spectrum. Detrending takes what has
+// fewer than four.
+std::optional<double> find_tone(const Windows& windows) {
+  constexpr int fewest_periods = 4, bins = window_rows / 2;
+  constexpr double stands_out = 6;  // times the median; of 44 bins of white noise the largest is half of that
+  constexpr std::size_t fewest_windows = 4;
+  if (windows.size() < fewest_windows) return std::nullopt;
+  std::vector<double> power;
+  for (int b = fewest_periods; b < bins; ++b) power.push_back(squares_of_tone(windows, b));
+  const auto top = std::ranges::max_element(power);
+  if (*top < stands_out * median(power)) return std::nullopt;
+  const double near = fewest_periods + static_cast<double>(top - power.begin());
+  constexpr int bits =
+      24;  // to 1e-7: of a tone of a thousand times the noise a hundredth of the noise is left
+  constexpr double reach = 0.6;
+  return boost::math::tools::brent_find_minima(
+             [&](double periods) { return -squares_of_tone(windows, periods); }, near - reach,
+             std::min(near + reach, bins - 0.1), bits)
+      .first;
 }
 
 NoiseColour fitted(const Covariances& c, std::size_t windows) {
@@ -169,10 +175,28 @@ QuietWindows::QuietWindows(std::span<const double> time, std::span<const double>
 }
 
 double QuietWindows::level() const {
-  return std::sqrt(second_differences(windows_) / (6.0 * (window_rows - 2) * static_cast<double>(size())));
+  if (windows_.empty()) return unit_;
+  double sum = 0;
+  for (const auto& e : windows_) sum += second_differences(vector_of(e));
+  return unit_ * level_of(sum / static_cast<double>(size()));
 }
 
-void keep_quiet(std::span<QuietWindows> channels) {
+void QuietWindows::remove_tone() {
+  const auto periods = find_tone(windows_);
+  if (!periods) return;
+  const Tone w = tone(*periods);
+  const Eigen::LLT<Eigen::Matrix2d> normal(w.transpose() * w);
+  std::vector<double> left;
+  for (auto& e : windows_) {
+    vector_of(e) -= w * normal.solve(w.transpose() * vector_of(e));
+    left.push_back(second_differences(vector_of(e)));
+  }
+  unit_ = level_of(median(left));
+  for (auto& e : windows_) vector_of(e) /= unit_;
+  has_tone_ = true;
+}
+
+void QuietWindows::keep_quietest(std::span<QuietWindows> channels) {
   std::vector<double> variances;
   for (const auto& c : channels)
     for (const auto& e : c.windows_) variances.push_back(vector_of(e).squaredNorm());
@@ -180,10 +204,15 @@ void keep_quiet(std::span<QuietWindows> channels) {
   const auto third = variances.begin() + static_cast<std::ptrdiff_t>(variances.size() * 3 / 10);
   std::nth_element(variances.begin(), third, variances.end());
   const double most = 1.6 * *third;
-  for (auto& c : channels) {
+  for (auto& c : channels)
     std::erase_if(c.windows_, [&](const auto& e) { return vector_of(e).squaredNorm() > most; });
-    c.tone_ = remove_tone(c.windows_);
-  }
+}
+
+// A loud tone hides how quiet a window is without it.
+void keep_quiet(std::span<QuietWindows> channels) {
+  QuietWindows::keep_quietest(channels);
+  for (auto& c : channels) c.remove_tone();
+  if (std::ranges::any_of(channels, &QuietWindows::has_tone)) QuietWindows::keep_quietest(channels);
 }
 
 NoiseColour colour_of(std::span<const QuietWindows> channels) {

@@ -38,17 +38,21 @@ class QuietWindows {
                std::size_t most = std::numeric_limits<std::size_t>::max());
 
   std::size_t size() const { return windows_.size(); }
-  // The standard deviation of second differences over sqrt(6), as a share of the scatter.
+  // The standard deviation of second differences over sqrt(6), without a tone, as a share of the scatter.
   double level() const;
-  // The second differences of what was given are too large by this factor, because of a tone.
-  double tone() const { return tone_; }
+  // Whether a tone stood out of them, so that the scatter is not that of noise alone.
+  bool has_tone() const { return has_tone_; }
 
  private:
   friend void keep_quiet(std::span<QuietWindows> channels);
   friend NoiseColour colour_of(std::span<const QuietWindows> channels);
 
-  std::vector<std::array<double, length>> windows_;  // detrended, over the scatter
-  double tone_ = 1;
+  static void keep_quietest(std::span<QuietWindows> channels);
+  void remove_tone();
+
+  std::vector<std::array<double, length>> windows_;  // detrended, over unit_ times the scatter
+  double unit_ = 1;
+  bool has_tone_ = false;
 };
 
 // Of several recordings of one channel, measured alike: leaves the quiet windows, without their tones.

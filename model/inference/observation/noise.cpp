@@ -42,7 +42,8 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
         auto colour = pooled;
         if (pooled.rows > 0 && quiet[r].size() >= fewest_of_its_own)
           if (const auto seen = recordings::colour_of(std::span(&quiet[r], 1)); seen.rows > 0) colour = seen;
-        const double level = m.scatter / quiet[r].tone() * std::sqrt(6 / colour.second_differences());
+        const double without_tone = m.scatter * (quiet[r].has_tone() ? quiet[r].level() : 1);
+        const double level = without_tone * std::sqrt(6 / colour.second_differences());
         const double floor = smallest_noise * m.range;
         if (level < floor) {
           warnings.push_back(
