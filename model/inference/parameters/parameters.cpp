@@ -130,6 +130,14 @@ std::vector<std::string> parameter_paths(const Model& model) {
   return out;
 }
 
+std::string effect_path(std::string_view id, std::string_view parameter) {
+  return "effects." + std::string(id) + "." + std::string(parameter);
+}
+
+bool is_of_effect(std::string_view path, std::string_view id) {
+  return path.starts_with(effect_path(id, ""));
+}
+
 std::string parameter_unit(std::string_view path) {
   const auto dot = path.rfind('.');
   const auto owner = path.substr(0, dot), name = path.substr(dot + 1);

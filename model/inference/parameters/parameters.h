@@ -20,6 +20,10 @@ void set_parameter(Model& model, std::string_view path, double value);
 // Every number of the model, in the file's order.
 std::vector<std::string> parameter_paths(const Model& model);
 
+// The path of a parameter of an effect, and whether a path is that of one of this effect's.
+std::string effect_path(std::string_view id, std::string_view parameter);
+bool is_of_effect(std::string_view path, std::string_view id);
+
 // As the model file gives it: "J/m^3", "1".
 std::string parameter_unit(std::string_view path);
 

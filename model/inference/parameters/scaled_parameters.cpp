@@ -137,7 +137,7 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
     const auto& p = effect.parameters[i];
     setting.parameters.emplace_back(p.name, values[i]);
     ScaledParameter c;
-    c.path = "effects." + setting.id + "." + std::string(p.name);
+    c.path = effect_path(effect.id, p.name);
     c.from = values[i];
     c.prior = false;
     const bool linear = p.any_sign && i == 0;
@@ -163,7 +163,7 @@ Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vec
 
 Hypothesis without_effect(Hypothesis h, const std::string& id) {
   std::erase_if(h.model.effects, [&](const EffectSetting& e) { return e.id == id; });
-  const auto its = [&](const ScaledParameter& p) { return p.path.starts_with("effects." + id + "."); };
+  const auto its = [&](const ScaledParameter& p) { return is_of_effect(p.path, id); };
   const auto base = h.parameters.begin() + static_cast<std::ptrdiff_t>(h.base_count);
   h.base_count -= static_cast<std::size_t>(std::count_if(h.parameters.begin(), base, its));
   std::erase_if(h.parameters, its);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "model/effects/catalogue.h"
+#include "model/inference/parameters/parameters.h"
 #include "model/on_recording.h"
 
 namespace ferrobench::model {
@@ -38,8 +39,7 @@ std::vector<std::string> effect_paths(const Model& model, bool times_polarizatio
   std::vector<std::string> out;
   for (const auto& setting : model.effects)
     for (const auto& p : find_effect(setting.id).parameters)
-      if (p.times_polarization == times_polarization)
-        out.push_back("effects." + setting.id + "." + std::string(p.name));
+      if (p.times_polarization == times_polarization) out.push_back(effect_path(setting.id, p.name));
   return out;
 }
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "model/inference/parameters/parameters.h"
+
 namespace ferrobench::model::inference {
 namespace {
 
@@ -121,7 +123,7 @@ Hypothesis with_empirical(const Hypothesis& h, const Effect& term, const std::ve
     const auto& p = term.parameters[i];
     setting.parameters.emplace_back(p.name, i < fixed.size() ? fixed[i] : 0);
     if (i < fixed.size()) continue;
-    out.parameters.push_back({.path = "effects." + setting.id + "." + std::string(p.name),
+    out.parameters.push_back({.path = effect_path(term.id, p.name),
                               .from = 0,
                               .scale = width,
                               .logarithmic = false,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/inference/parameters/parameters.h"
 #include "model/inference/study/inquiry.h"
 #include "model/inference/study/validation.h"
 
@@ -28,8 +29,7 @@ double share_of_excess(const Fit& before, const Fit& after, double samples) {
 // The effects' parameters count as the base's last ones from now on.
 Hypothesis as_last_of_base(Hypothesis h, const std::vector<const Effect*>& effects) {
   std::stable_partition(h.parameters.begin(), h.parameters.end(), [&](const ScaledParameter& p) {
-    return std::ranges::none_of(
-        effects, [&](const Effect* e) { return p.path.starts_with("effects." + std::string(e->id) + "."); });
+    return std::ranges::none_of(effects, [&](const Effect* e) { return is_of_effect(p.path, e->id); });
   });
   h.base_count = h.parameters.size();
   return h;
@@ -52,7 +52,7 @@ Hypothesis with_corrections(Hypothesis base, const Model& narrowed,
     const auto& effect = find_effect(a.term.id);
     std::vector<double> values;
     for (const auto& p : effect.parameters)
-      values.push_back(get_parameter(narrowed, "effects." + a.term.id + "." + std::string(p.name)));
+      values.push_back(get_parameter(narrowed, effect_path(a.term.id, p.name)));
     base = with_effect(base, effect, values);
   }
   base.base_count = base.parameters.size();
@@ -188,8 +188,7 @@ void Inquiry::tell_beside_terms(WorkflowResult again, bool named, const Selectio
   out.added.insert(out.added.begin(), terms_.begin(), terms_.end());
   out.recalibrated = recalibrations(after_, s_.selection);
   for (const auto& a : terms_)
-    std::erase_if(out.recalibrated,
-                  [&](const auto& r) { return r.first.starts_with("effects." + a.term.id + "."); });
+    std::erase_if(out.recalibrated, [&](const auto& r) { return is_of_effect(r.first, a.term.id); });
   out.recalibrated_base = model_at(before_, "Recalibrated.");
   out.improved =
       model_at(after_, named ? "Recalibrated, with what was found missing and terms that have no name."

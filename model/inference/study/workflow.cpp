@@ -94,7 +94,7 @@ void estimate_terms(const Fit& fit, const Hypothesis& hypothesis, const Eigen::V
   for (auto& a : added) {
     a.term.parameters.clear();
     for (const auto& p : find_effect(a.term.id).parameters) {
-      const auto path = "effects." + a.term.id + "." + std::string(p.name);
+      const auto path = effect_path(a.term.id, p.name);
       const double value = get_parameter(model, path);
       EffectEstimate::Parameter told{std::string(p.name), value, value, value};
       const auto c = std::ranges::find(moved, path, &ScaledParameter::path);
