@@ -104,6 +104,18 @@ double squares_of_tone(const Windows& windows, double periods) {
   return out;
 }
 
+// The sum of squares of a quiet window: at most so much more than the quietest three tenths have.
+double most_of_quiet(const Windows& windows) {
+  constexpr double share = 0.3, more = 1.6;
+  if (windows.empty()) return 0;
+  std::vector<double> squares;
+  for (const auto& e : windows) squares.push_back(vector_of(e).squaredNorm());
+  const auto third =
+      squares.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(squares.size()));
+  std::nth_element(squares.begin(), third, squares.end());
+  return more * *third;
+}
+
 // The periods in a window of a tone that stands out of the windows' mean spectrum. Detrending takes what has
 // fewer than four.
 std::optional<double> find_tone(const Windows& windows) {
@@ -114,8 +126,13 @@ std::optional<double> find_tone(const Windows& windows) {
   std::vector<double> power;
   for (int b = fewest_periods; b < bins; ++b) power.push_back(squares_of_tone(windows, b));
   const auto top = std::ranges::max_element(power);
-  if (*top < stands_out * median(power)) return std::nullopt;
-  const double near = fewest_periods + static_cast<double>(top - power.begin());
+  // Between two bins a tone leaves a ninth of its power two bins away. What is broader is noise or signal.
+  const auto at = top - power.begin();
+  const auto falls = [&](std::ptrdiff_t bin) {
+    return bin < 0 || bin >= std::ssize(power) || 3 * power[static_cast<std::size_t>(bin)] < *top;
+  };
+  if (*top < stands_out * median(power) || at == 0 || !falls(at - 2) || !falls(at + 2)) return std::nullopt;
+  const double near = fewest_periods + static_cast<double>(at);
   constexpr int bits =
       24;  // to 1e-7: of a tone of a thousand times the noise a hundredth of the noise is left
   constexpr double reach = 0.6;
@@ -181,8 +198,15 @@ double QuietWindows::level() const {
   return unit_ * level_of(sum / static_cast<double>(size()));
 }
 
+// How loud a tone is beside the scatter, which comes from second differences, hangs on how often it was
+// sampled. So each recording is asked by itself, before quiet windows of all are told from others.
 void QuietWindows::remove_tone() {
-  const auto periods = find_tone(windows_);
+  auto quiet = windows_;
+  const auto is_loud = [most = most_of_quiet(quiet)](const auto& e) {
+    return vector_of(e).squaredNorm() > most;
+  };
+  std::erase_if(quiet, is_loud);
+  const auto periods = find_tone(quiet);
   if (!periods) return;
   const Tone w = tone(*periods);
   const Eigen::LLT<Eigen::Matrix2d> normal(w.transpose() * w);
@@ -196,23 +220,15 @@ void QuietWindows::remove_tone() {
   has_tone_ = true;
 }
 
-void QuietWindows::keep_quietest(std::span<QuietWindows> channels) {
-  std::vector<double> variances;
-  for (const auto& c : channels)
-    for (const auto& e : c.windows_) variances.push_back(vector_of(e).squaredNorm());
-  if (variances.empty()) return;
-  const auto third = variances.begin() + static_cast<std::ptrdiff_t>(variances.size() * 3 / 10);
-  std::nth_element(variances.begin(), third, variances.end());
-  const double most = 1.6 * *third;
-  for (auto& c : channels)
-    std::erase_if(c.windows_, [&](const auto& e) { return vector_of(e).squaredNorm() > most; });
-}
-
-// A loud tone hides how quiet a window is without it.
 void keep_quiet(std::span<QuietWindows> channels) {
-  QuietWindows::keep_quietest(channels);
-  for (auto& c : channels) c.remove_tone();
-  if (std::ranges::any_of(channels, &QuietWindows::has_tone)) QuietWindows::keep_quietest(channels);
+  Windows all;
+  for (auto& c : channels) {
+    c.remove_tone();
+    all.insert(all.end(), c.windows_.begin(), c.windows_.end());
+  }
+  const double most = most_of_quiet(all);
+  for (auto& c : channels)
+    std::erase_if(c.windows_, [most](const auto& e) { return vector_of(e).squaredNorm() > most; });
 }
 
 NoiseColour colour_of(std::span<const QuietWindows> channels) {

@@ -47,7 +47,6 @@ class QuietWindows {
   friend void keep_quiet(std::span<QuietWindows> channels);
   friend NoiseColour colour_of(std::span<const QuietWindows> channels);
 
-  static void keep_quietest(std::span<QuietWindows> channels);
   void remove_tone();
 
   std::vector<std::array<double, length>> windows_;  // detrended, over unit_ times the scatter

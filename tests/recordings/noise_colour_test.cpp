@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 #include <utility>
+#include <vector>
 
 #include "recordings/analysis/statistics.h"
 
@@ -79,6 +80,25 @@ TEST(NoiseColour, IsThatWithoutATone) {
       EXPECT_EQ(found.colour.rows, 0);
       EXPECT_NEAR(found.level, 1, 0.08);
     }
+}
+
+// The bends of a tone, and so the scatter, hang on how often it was sampled; what is quiet does not.
+TEST(NoiseColour, IsFoundInEveryRecordingOfATone) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    std::vector<QuietWindows> quiet;
+    std::vector<double> scatters;
+    for (const double frequency : {0.07, 0.13, 0.24, 0.31, 0.42}) {
+      const auto c = channel({.tone = 25, .frequency = frequency, .ramp = 0.5}, 3000, seed);
+      scatters.push_back(estimate_noise(c.value));
+      quiet.emplace_back(c.time, c.value, scatters.back());
+    }
+    keep_quiet(quiet);
+    EXPECT_EQ(colour_of(quiet).rows, 0);
+    for (std::size_t i = 0; i < quiet.size(); ++i) {
+      EXPECT_TRUE(quiet[i].has_tone());
+      EXPECT_NEAR(scatters[i] * quiet[i].level(), 1, 0.08);
+    }
+  }
 }
 
 TEST(NoiseColour, IsFoundBesideATone) {
