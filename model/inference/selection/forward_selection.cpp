@@ -67,10 +67,11 @@ class ForwardSelector {
   ForwardSelection out_;
 };
 
-// Fills in what is left after a trial, and returns the effects that would take most of it.
+// Finds what a trial leaves (Trial::left). Returns the effects that were screened for that, the one with the
+// largest drop first. If `seconds_wanted` is false, they are only screened where that may still matter.
 std::vector<Screened> ForwardSelector::check(Trial& t, bool seconds_wanted, double from, double to) const {
   if (t.checked && !seconds_wanted) return {};
-  fits_.polish(t, [&] { fits_.tick("is it enough", from); });
+  fits_.polish(t, [&] { fits_.tick("checking sufficiency", from); });
   t.checked = true;
   if (task_.beyond_effects)
     t.left = std::max(task_.beyond_effects(t.fit), t.fit.squares - (1 + options_.lack_of_fit) * samples_);
@@ -79,7 +80,7 @@ std::vector<Screened> ForwardSelector::check(Trial& t, bool seconds_wanted, doub
                      {.effects = without(task_.candidates, t.effects),
                       .rounds = 3,
                       .before = out_.screened,
-                      .tick = [&](double f) { fits_.tick("is it enough", from + (to - from) * f); }});
+                      .tick = [&](double f) { fits_.tick("checking sufficiency", from + (to - from) * f); }});
   for (const auto& s : more) t.left = std::max(t.left, s.drop - bic_penalty({s.effect}, samples_));
   return more;
 }

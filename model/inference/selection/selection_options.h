@@ -67,11 +67,12 @@ struct SelectionOptions {
   std::size_t base_restarts = 2;  // times that everything is asked again from a better base fit
 
   // Sufficiency: the remainder after an explanation, over the one that is allowed (`allowed_remainder`).
-  double unfinished_remainder =
-      3;  // A fit this far from sufficient is not fitted to the end if its predicted
-  double unfinished_decrease = 10;   // decrease is so many times too small to make that good.
-  double reachable_remainder = 30;   // Further away than this no partner effect is looked for,
-  double hopeless_remainder = 1000;  // and further than this nothing more is tried at all.
+  // A fit whose remainder is above the first is not taken to its end if the remainder is so many times (the
+  // second) what a Gauss-Newton step promises to gain.
+  double unfinished_remainder = 3;
+  double unfinished_decrease = 10;
+  double reachable_remainder = 30;   // Above this, no fit is taken to its end and no other partner is tried.
+  double hopeless_remainder = 1000;  // Above this, nothing more is tried.
   // Where nothing is sufficient, the model's own physics may be off by a little in all recordings. An effect
   // is named all the same if it takes away at least this share of the excess over noise that stood before it:
   // an effect of twice what the physics leaves takes 0.8, and what physics alone leaves is imitated by an

@@ -253,7 +253,7 @@ std::optional<Fit> TrialFits::better_base(const Trial& best) const {
   if (best.fit.jacobian.size() == 0) return std::nullopt;
   const double gain =
       task_.base_is_final ? options_.better_base : options_.unfinished_base * options_.detection;
-  auto options = solver("no effect", 0.5);
+  auto options = solver("refitting the base model without effects", 0.5);
   options.wanted = base_.squares - gain;
   auto none = reduced(best, std::nullopt, options);
   const auto is_better = [&] { return none.squares < base_.squares - gain; };

@@ -50,8 +50,9 @@ class TrialFits {
   std::vector<Trial> begin(const Fit& from, const std::vector<const Effect*>& before,
                            const std::vector<EffectStart>& starts, std::size_t of_each,
                            const std::function<void()>& in_between) const;
-  // Adds trials of one more effect on `from` and, if that is misled, of that effect on the parameters as
-  // given; both are only begun then.
+  // Adds trials of `from` with one more effect. If `from` is misled, the effect is also fitted from the
+  // parameters as given (from these alone with SelectionOptions::single_effect). Trials of only a few steps
+  // are marked as `begun`, and finish() goes on with them.
   void refit(std::vector<Trial>& into, const Fit& from, const std::vector<const Effect*>& before,
              const Screened& screened, const SolverOptions& solver);
   // Goes on with those that were only begun, unless they are far worse than the best, and keeps one of each.

@@ -37,15 +37,15 @@ struct ModelSelection {
 // What it returns refers to `found`.
 ModelSelection select_model(const ForwardSelection& found, const SelectionOptions& options, double samples);
 
-// Whether recordings that took no part refute the best explanation, which takes this drop off what was
-// learned from: of all recordings together the sum of squares falls by less than a detection or, where
-// nothing is sufficient, by less than the material share of the excess. Then it is doubted, and the answer is
-// unknown.
+// Whether the held-out recordings refute the best explanation, which brings `drop` on the training
+// recordings. They do if the sum of squares of all recordings together falls by less than a detection or,
+// where no explanation is sufficient, by less than the material share of the excess. If so, the verdict in
+// `selection` becomes "unknown", and the explanation its `doubted` one.
 bool refute(ModelSelection& selection, double drop, const ExcessTaken& locked,
             const SelectionOptions& options);
 
-// That the answer is something else, where the smallest share that an effect takes of the excess before it is
-// this.
+// Probability that something outside the catalogue is missing, if `share` is the smallest share that an
+// effect of the explanation takes of the excess that stood before it.
 double probability_of_unknown(double share, const SelectionOptions& options);
 
 // Covariance of a fit's parameters, by which intervals are told. With A the information, P the priors' part

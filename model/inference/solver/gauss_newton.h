@@ -1,8 +1,7 @@
 // The maximum of a hypothesis' posterior: least squares of whitened residuals r and of what is known
-// beforehand,
+// beforehand. It minimizes -2 ln posterior, which is up to a constant
 //
-//   min over z of |r(z)|^2 + sum over parameters with a prior of z_i^2         ( = -2 ln posterior +
-//   constant)
+//   S(z) = |r(z)|^2 + sum over parameters with a prior of z_i^2
 //
 // by Levenberg-Marquardt (Nocedal and Wright, Numerical Optimization, ch. 10) with the residuals' exact
 // slopes, each step between the ends of the parameters' ranges (solver/bounded_quadratic.h). Steps bend as

@@ -28,13 +28,15 @@ ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothes
 // compared with each other, and what the lattice adds to all of them alike is no part of that.
 void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
                           Eigen::VectorXd residual);
-// Root mean square by which the coarse simulation may differ from the fine one, in standard deviations of
-// noise and model error together. Where a fit is corrected, what counts is how the difference changes with z,
-// a tenth to a third of it on benches of the campaign: twenty is what 250 nodes are off where the noise is a
-// hundredth of a percent of the range, and the same effects come out on top. The last steps of a fit are held
-// up by the grain of so few nodes, which has minima of its own, and need more. Where no correction is made
-// the error has to be small beside the model's: on loops of a bulk ceramic at 800 V, 250 domains were 8 % of
-// the range off where the model missed by 3, and terms were found that explained the grain of their sum.
+// Largest root mean square by which the coarse simulation may differ from the fine one, in standard
+// deviations of noise and model error together.
+//   coarse_error_if_corrected: only the change of the difference with z counts, a tenth to a third of it on
+//     benches of the campaign. 250 domains differ by twenty where the noise is 0.01 % of the range, and with
+//     them the same effects came out best.
+//   last_steps_error: a sum over few domains has local minima of its own, which stop a fit's last steps.
+//   coarse_error_alone: without a correction the difference must be small beside the model error. On loops of
+//     a bulk ceramic at 800 V, 250 domains were 8 % of the range off where the model missed by 3 %, and the
+//     terms that were found explained the error of the sum.
 inline constexpr double coarse_error_if_corrected = 20, last_steps_error = 0.8, coarse_error_alone = 0.2;
 // Makes `fine` fine enough for the model at z, and `coarse` the cheapest simulation that differs from it by
 // no more than `coarse_error`; chooses what makes the last steps. Returns the fine one's own error, as above.

@@ -1,11 +1,12 @@
 // What is left of a change of the residuals once all parameters of a fit have followed it: the score test of
 // an added variable (C. R. Rao 1948; in linear regression, Frisch and Waugh 1933).
 //
-// With J the Jacobian, A = J^T J + priors the information matrix, e the residual and g = J^T e + priors the
-// gradient, a change a r of the residual takes off the sum of squares
+// Let J be the Jacobian, A = J^T J + priors the information matrix, e the residual and g = J^T e + priors the
+// gradient. If the residual changes by a times r, the sum of squares falls by
 //
-//   drop(a) = 2 a along - a^2 across,   along = -(r.e - g^T A^-1 J^T r),   across = r.r - (J^T r)^T A^-1 (J^T
-//   r)
+//   drop(a) = 2 a along - a^2 across
+//   along   = -(r.e - g^T A^-1 J^T r)
+//   across  = r.r - (J^T r)^T A^-1 (J^T r)
 #pragma once
 
 #include "model/inference/solver/gauss_newton.h"

@@ -12,9 +12,9 @@ namespace {
 
 constexpr double share_of_field = 0.05;
 constexpr double farthest_weight = 12;  // in prior standard deviations
-// Of the fixed point for the width: where the residual is taken for linear they cost no simulation, and where
-// each is a fit, the width that the linearized term has moves little after two, and not at all by less than a
-// tenth.
+// Rounds of the fixed-point iteration for the width of the prior. With a linearized residual a round costs no
+// simulation. Where a round is a fit, the width starts from the linearized one and changes little after two;
+// the iteration ends once it changes by less than a tenth.
 constexpr int rounds_linearized = 8, rounds_of_width = 3;
 constexpr double settled_width = 0.1;
 // Places of the time constant that are tried, between ten samples and the longest recording, of the

@@ -1,9 +1,8 @@
 // Fitting a model's parameters to recordings or to published tables, from nothing if need be:
 //
-//   1. starts: the model given, what the loops themselves show (search/features.h), and global searches of
-//   the whole
-//      range (search/global_search.h) by a coarse simulation; where parameters enter linearly they are
-//      eliminated (residuals/separable.h)
+//   1. starts: the model given, what the loops themselves show (search/features.h), and global searches
+//      (search/global_search.h) of the whole range by a coarse simulation; where parameters enter linearly
+//      they are eliminated (residuals/separable.h)
 //   2. from the best of these nonlinear least squares (solver/least_squares.h), by a better simulation
 //   3. from the best of those by the simulation that is used everywhere
 //   4. uncertainty from the slopes there (solver/covariance.h)

@@ -15,14 +15,17 @@ namespace {
 
 // Twice the logarithm of the odds that a term must earn beyond its numbers: 150 to 1.
 constexpr double least_gain = 10;
-// Shares of the excess that a term has to take away where nothing is named. A mechanism that does less is no
-// better than a table, and moves parameters that it has nothing to do with; a table has to hold.
+// Least share of the excess that an effect and a table must take away if they are added without a name. An
+// effect that takes less is no better than a table, and it shifts parameters that it has nothing to do with.
+// A table need not take much, but it must hold on the held-out recordings.
 constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
-// Of what a named effect has to take, beside an error as large as what it explains: it may come to the rest
-// once that error is its own.
+// Part of the material share that an effect must take in its first fit to be fitted to its end. The first fit
+// uses a model error that was estimated without the effect and is as large as what the effect explains; the
+// effect may take its whole share once the error is estimated with it.
 constexpr double least_part_at_first = 0.5;
 constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
-// Of the time, where a search of the base's whole range is made, and of the rest for effects: about so much.
+// Approximate shares of the progress: of the search of the base's whole range, where one is made, and of
+// effects in what remains.
 constexpr double share_of_search = 0.7, share_of_effects = 0.3;
 // Rounds in which pasts are chosen anew, each followed by a fit; they stay as they are after two.
 constexpr int rounds_of_pasts = 2;
@@ -248,12 +251,12 @@ class Improver {
     return out;
   }
 
-  // The effect that makes the model likeliest, if it takes what is demanded. If it does not, those that take
-  // half of that are fitted to their end first: beside an error as large as what it explains an effect does
-  // not get there, and one that meets a channel of little error somewhat better is likelier. If still none
-  // does, a first one with which the model is no longer wrong by much is taken for less, though not named:
-  // noise judges it then. What it leaves may be all that shows in the locked recordings, so these have no say
-  // here.
+  // Adds the effect that makes the model likeliest, if it takes the demanded share. If it does not, every
+  // effect that takes half of that share is fitted to its end, with the model error estimated again: if the
+  // error is as large as what an effect explains, its fit stops short, and an effect that slightly improves a
+  // channel of small error is likelier. If still none takes the demanded share and no effect was added
+  // before, one with which the model is no longer wrong by much is added without a name, for noise to judge.
+  // Only the training recordings count for it: a second effect may be all that shows in the held-out ones.
   bool name_effect(std::vector<const Effect*>& remaining) {
     auto tried = fitted_effects(remaining);
     const auto name = [&](const TriedEffect& t, Comparison trial) {

@@ -1,13 +1,14 @@
-// A model that is wrong by more than noise. One or two effects are named if each takes a material share of
-// what stands before it, on recordings that were learned from and on those that were locked away. Where there
-// is none, the first beside which the model is no longer wrong by much is added without being named, and is
-// left for noise to judge; where there is none of these either, the gap is narrowed all the same: the base
-// model gets terms, each of which must make it likelier and must hold on the locked recordings, however
-// little is known of why. What named effects leave is narrowed by data-driven terms alone.
+// Improves a model that misses the recordings by more than noise. One or two effects are named if each takes
+// a material share of the excess that stood before it, on the training and on the held-out recordings. If
+// none does, one effect with which the model is no longer wrong by much may be added without being named; the
+// caller then selects effects again with noise as the only error. If there is no such effect either, the gap
+// is narrowed all the same: terms are added to the base, each of which must make the model likelier and must
+// hold on the held-out recordings, whether its cause is known or not. What named effects leave is narrowed by
+// empirical terms alone.
 //
-// A model that is wrong by much stays so, and its own error is part of the likelihood (observation/noise.h),
-// estimated again after every term. One that is wrong by little is fitted by noise alone: beside an error
-// that goes together over many rows what is known beforehand would count for more than what was measured.
+// If a model is wrong by much, its own error is part of the likelihood (observation/noise.h) and is estimated
+// again after every term. If it is wrong by little, noise is the only error: with a model error that is
+// correlated over many rows the priors would outweigh the measurements.
 // With s_k the sum of squares that a model with k more numbers leaves of n independent rows, a term has to
 // earn
 //
@@ -18,11 +19,10 @@
 // found.
 //
 // Effects of the catalogue come first, beside them corrections of the kinetics that name nothing (direct
-// switching between both 180-degree wells, barriers that differ by polarity, spreads of another shape), then
-// data-driven terms
-// (model/effects/empirical.h) at the port where they gain most; the weights of these have a normal prior,
-// whose width, and the time constant of their memory, are those of the largest marginal likelihood (Laplace's
-// approximation, around the model as it stands).
+// switching between both 180-degree wells, barriers that differ by polarity, spreads of another shape). Then
+// come empirical tables (model/effects/empirical.h) at the port where they gain most; their weights have a
+// normal prior, whose width, and the time constant of their memory, are those of the largest marginal
+// likelihood (Laplace's approximation, around the model as it stands).
 #pragma once
 
 #include <optional>
@@ -63,11 +63,11 @@ struct ImprovementTask {
                                           const std::vector<std::vector<NoiseModel>>& errors,
                                           const SearchTick&)>
       search_bases{};
-  // Poled towards + has been presumed of all that name no past, and nothing has spoken against it. A model
-  // that does not switch feels no past, so there a table may.
+  // Whether all recordings without a recorded past are taken to have been poled towards +, and no fit spoke
+  // against that. In a model that does not switch no fit could; a table added to it may depend on the past.
   bool presumed_past = true;
-  // Whether it ends as soon as effects are named beside which the model is not wrong by much: noise can judge
-  // these then, and what is left is narrowed only if it does not find them.
+  // Whether to stop once effects were added with which the model is no longer wrong by much. The caller then
+  // selects effects with noise as the only error, and has the rest narrowed only if that selects none.
   bool until_noise_may_judge = false;
   // Whether tables are added where corrections of the kinetics were; else these end it.
   bool tables_beside_corrections = true;
@@ -79,17 +79,17 @@ struct Improvement {
   std::vector<protocols::Past> pasts_of_base;  // of the bench, that the base was fitted under
   Hypothesis hypothesis;
   Eigen::VectorXd z;
-  std::vector<AddedTerm> added;  // with 90 % intervals
-  // Whether the terms are named, and then: effects that were tried in the place of the last one, itself among
-  // them, with their probabilities if it is one of these, most probable first.
-  bool named = false;
-  bool for_noise_to_judge = false;  // it ended where the task said so
+  std::vector<AddedTerm> added;     // with 90 % intervals
+  bool named = false;               // whether the effects among `added` are named
+  bool for_noise_to_judge = false;  // whether it stopped early, as task.until_noise_may_judge asks
   bool searched = false;            // the base's parameters are those of a search of their whole range
+  // If effects were named here: those that were tried as the last of them, which is in the list, with their
+  // probabilities given that it is one of these; most probable first.
   std::vector<std::pair<const Effect*, double>> rivals;
 };
 
-// From where a base model stands. By noise alone it has to be a fit to the end; else hypothesis and z do.
-// None, and a warning, where a simulation fails on the way: what was found before stands.
+// Improves the model that `base` holds. If task.by_noise is set, `base` must be a converged fit; otherwise
+// only its hypothesis and z are used. If a simulation fails, adds a warning and returns nothing.
 std::optional<Improvement> improve(const Fit& base, const ImprovementTask& task,
                                    std::vector<std::string>& warnings);
 

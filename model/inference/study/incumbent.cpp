@@ -66,8 +66,9 @@ std::optional<Comparison> Incumbent::weigh(const HypothesisPoint& next) const {
     return std::nullopt;
   }
   out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
-  // What does not show in the locked recordings cannot be proved there; it must not come to show there
-  // either, nor, where noise is the measure, put more on their sum of squares than two programs differ by.
+  // The held-out recordings count only if they show lack of fit before or after or, with noise as the only
+  // error, if their sum of squares rises by more than a detection. Otherwise they say nothing about the
+  // trial, and its share on the training recordings stands for both.
   const auto& how = task_.selection;
   const auto rises = [&] {
     return by_noise() && excess_squares(out.locked) > excess_squares(locked_) + how.detection;

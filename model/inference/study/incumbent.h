@@ -47,26 +47,27 @@ class Incumbent {
   // 2 ln of the likelihood ratio over the incumbent.
   double log_likelihood_ratio(const Fit& with) const;
   double log_likelihood_ratio(const Comparison& with) const;
-  // Empty where the fine simulation cannot play one of the recordings: the coarse one, by which fits are
-  // made, may have.
+  // Compares a model with the incumbent by the fine simulation. Empty if that fails for one of the
+  // recordings; it may fail where the coarse simulation of the fits did not.
   std::optional<Comparison> weigh(const HypothesisPoint& next) const;
 
-  // Where a trial ends beside the error that is left by itself, and not beside the incumbent's.
+  // Fits a trial to its end with the model error that the trial itself leaves, not that of the incumbent.
   HypothesisPoint fitted_beside_its_own_error(HypothesisPoint trial) const;
   // Whether a model is wrong by much there.
   bool is_gross(const HypothesisPoint& at) const;
 
-  // Makes error and fit agree with each other; both move little after two rounds.
+  // Estimates the model error and refits, in turn; both change little after two rounds.
   void settle(int rounds = 2);
   void settle_at(HypothesisPoint next);
   void settle_with_trusted_instruments();
-  // Takes the place of what stood, and refits all; that fit is not kept where either side is met worse by it.
+  // Makes `next` the incumbent and refits all of its parameters. The refit is dropped if it raises the excess
+  // of the training or of the held-out recordings by more than the share `most_lost`.
   void accept(HypothesisPoint next, Comparison trial);
-  // Likewise under the pasts that are likeliest where it stands.
+  // Chooses the likeliest pasts and refits; both are undone on the same condition.
   void refit_under_other_pasts();
 
   std::vector<protocols::Past> pasts() const;
-  // Gives each recording the past that is likeliest for the model there; whether any has another one.
+  // Gives each recording its likeliest past under this model. Returns whether any past changed.
   bool choose_pasts(const HypothesisPoint& at) const;
 
  private:

@@ -16,10 +16,10 @@ namespace {
 constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
 constexpr int most_domains = 16000;
 
-// Of the time: until the base is recalibrated, and until the proof.
+// Progress at which the recalibration of the base has ended, and at which the proof begins.
 constexpr double share_of_recalibration = 0.15, share_before_proof = 0.95;
-// Of what is left of it, until effects are selected, where a gap is narrowed afterwards (measured: about
-// half).
+// Share of the progress that remains before the proof that the selection of effects is given. Where a gap is
+// narrowed after it, selection was measured to take about half of the time.
 constexpr double share_of_selection = 0.6;
 
 // Residual and slopes where a fit stands, by noise alone.
@@ -71,7 +71,9 @@ SimulationOptions Inquiry::fine_for(const Model& base) const {
   return out;
 }
 
-// With what was learned of the fidelities so far. Recalibrates from `start`, or from the given values.
+// Runs the workflow for this base, with the fidelities that coarse_ and fine_ have by now. The recalibration
+// starts from `start` or, if that is empty, from the given values. With `unless_gross`, effects are not
+// selected if the base is wrong by much. An explanation that the held-out recordings refute is taken back.
 WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, double share,
                             const SelectionOptions& selection) {
   auto out = run_workflow(
@@ -131,13 +133,14 @@ void Inquiry::improve_gross() {
   Fit given;
   given.hypothesis = base_;
   given.z = prior_mean(base_);
-  done_ = share_of_recalibration;  // all that was asked
+  done_ = share_of_recalibration;  // nothing but the recalibration was done so far
   auto task = improvement_task(s_, fine_.simulation());
   allow_far_search(s_, task);
   task.until_noise_may_judge = true;
   improved_ = narrow(given, task, share_of_selection);
   if (!improved_ || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
-  // A large effect, or a valley that noise alone did not lead out of: then noise is the measure after all.
+  // The model is no longer wrong by much: an effect was large, or the first fit had ended in a wrong local
+  // minimum. So effects are selected again, with noise as the only error.
   const bool base_alone = improved_->added.empty();
   if (!base_alone && std::ranges::all_of(improved_->added, &AddedTerm::empirical)) return;
   auto again = ask(base_, false,

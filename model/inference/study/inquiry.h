@@ -1,5 +1,6 @@
-// What a discovery asks for one choice of what is held out: the answer by noise, a better model where that
-// leaves more, and the proof.
+// One pass of a discovery, for one split into training and held-out recordings: the selection of effects with
+// noise as the only error, a better model where the selected one leaves more than noise, and the proof on the
+// held-out recordings.
 #pragma once
 
 #include <functional>
@@ -24,8 +25,8 @@ class Inquiry {
   static constexpr auto gap_without_a_name = "Recalibrated, with terms that narrow a gap that has no name.";
 
   SimulationOptions fine_for(const Model& base) const;
-  // Tells of the next part of the time: of this share of what is left until the proof. What is asked after
-  // that hangs on what is found, so progress may end with a leap.
+  // Reports the progress of the next step, which is given this share of the progress that remains before the
+  // proof. How many steps follow depends on what is found, so progress may jump at the end.
   Ticker next_part(double share);
   WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, double share,
                      const SelectionOptions& selection);
@@ -51,11 +52,11 @@ class Inquiry {
   Hypothesis base_;
   WhitenedRecordings coarse_, fine_;
   WorkflowResult found_;
-  std::vector<AddedTerm> terms_;         // empirical ones, beside which `found_` was asked for
-  std::vector<std::string> untestable_;  // whatever the model
+  std::vector<AddedTerm> terms_;         // empirical terms that are part of the base of `found_`
+  std::vector<std::string> untestable_;  // effects that drop_untestable took out before any fit
   std::optional<Improvement> improved_;
-  double done_ = 0;     // of the time
-  Fit before_, after_;  // the recalibrated base, and with what is added
+  double done_ = 0;     // progress at which the next step begins
+  Fit before_, after_;  // the recalibrated base; the model with all that was added
 };
 
 }  // namespace ferrobench::model::inference

@@ -1,5 +1,5 @@
-// Of an inquiry, what is asked where effects alone are not sufficient: of the rest, and again beside what
-// narrows it.
+// The part of Inquiry that deals with what the selected effects leave: terms that narrow it, and a repeated
+// selection of effects with these terms in the base model.
 #include <algorithm>
 #include <cmath>
 
@@ -84,14 +84,15 @@ void Inquiry::improve_beyond_effects() {
   }
   if (improved && unknown && ask_beside_tables(*improved)) return;
   if (!improved || improved->added.size() == task.named.size()) return;
-  // Beside a name that was done beside the model's error, with instruments as they were stated. It may end
-  // above where noise alone had led, and is of no use then.
+  // Beside named effects the terms were fitted with a model error, and with gains and offsets as stated. With
+  // noise as the only error that fit may be worse than the one of the named effects; then it is dropped.
   if (unknown || squares_at(*improved) < after_.squares) improved_ = std::move(improved);
 }
 
-// Constants of the base may have taken up a second effect as far as they could, so that it misses its share
-// of what the first one leaves. So that is asked like a gap without a name, the first effect a part of the
-// base. Whether one is named.
+// Looks for a second effect beside the one that is named. Parameters of the base may have absorbed part of
+// it, so that it missed its share of what the first effect leaves. So that rest is narrowed like a gap
+// without a name, with the first effect in the base, and effects are selected again beside the empirical
+// terms that were added. Returns whether a second effect is named.
 bool Inquiry::name_a_second_effect() {
   if (s_.out.verdict != Verdict::named || found_.best->effects.size() != 1) return false;
   auto task = improvement_task(s_, fine_.simulation());
@@ -117,16 +118,18 @@ double Inquiry::squares_at(const Improvement& narrowed) const {
          prior_squares(narrowed.hypothesis, narrowed.z);
 }
 
-// A name is given beside empirical terms if nothing is left, and if the effect takes as much of what they
-// leave as it has to where a model is wrong a little: they stand for what has no name, and do so nearly.
+// Whether an effect is named that was selected with empirical terms in the base. It must be sufficient, and
+// it must take the material share of the excess that these terms leave, since they only approximate the
+// physics that they stand for.
 bool Inquiry::is_named_beside_terms(const WorkflowResult& again) const {
   return again.best != nullptr && again.selection.sufficient &&
          share_of_excess(again.base, again.best->fit, coarse_.samples()) >= s_.selection.material_share;
 }
 
-// Corrections of the kinetics make another base. Recalibrated from where the base was given it may end in
-// another valley, and beside it effects may show that the wrong base hid. Whether that leads farther down;
-// then it takes the place of what was found.
+// Repeats the workflow with the corrections of the kinetics that narrowed the gap as part of the base. This
+// base is recalibrated from the given values, since it may have another minimum, and effects are selected
+// beside it, since the wrong base may have hidden them. The result replaces `found_` unless its sum of
+// squares is larger than that of the narrowed model. Returns whether it does.
 bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   std::vector<AddedTerm> corrections;
   std::ranges::copy_if(narrowed.added, std::back_inserter(corrections), is_correction);
@@ -140,11 +143,11 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   return true;
 }
 
-// An effect that did not take its share of the gap may have shared it with physics that has no name. Where
-// tables narrow it beside the effect they become part of the base as they stand, the effect is taken out, and
-// the workflow is gone through from there. Tables only stand for what is true, so an effect is sufficient
-// beside them that takes its share of what they leave. What is `named` already remains in the base, and is
-// told with what is found then. Whether an effect is named.
+// An effect that did not take its share of the gap may have shared the gap with physics that has no name.
+// Where both effects and empirical terms narrow the gap, the terms become part of the base, the effects are
+// taken out, and the workflow is repeated from there. The terms only approximate that physics, so an effect
+// is sufficient beside them if it takes the material share of what they leave. Effects in `named` stay in the
+// base and are reported together with the new one. Returns whether an effect is named.
 bool Inquiry::ask_beside_tables(const Improvement& narrowed, const std::vector<const Effect*>& named) {
   Hypothesis base = narrowed.hypothesis;
   std::vector<AddedTerm> tables;

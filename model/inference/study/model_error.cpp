@@ -14,6 +14,8 @@ namespace {
 // along a loop, where an error so correlated has about a quarter of that power.
 constexpr double along_a_loop = 0.25;
 constexpr double least_error = 1e-5;  // of the range: the likelihood needs one above zero
+// Of a channel's median error over its range: a recording that is met better than that by chance must not
+// outweigh the others.
 constexpr double least_of_median = 0.5;
 
 }  // namespace

@@ -20,7 +20,7 @@ namespace {
 // The simulations' own error, in standard deviations of the noise, that a report warns of.
 constexpr double noticeable_error = 0.05;
 
-// A base model that leaves more than this is wrong, whatever a fit to its end may still gain.
+// A base fit that leaves more than this is not taken to its end at first (SelectionOptions::unfinished_base).
 double rejected_above(double samples, const SelectionOptions& options) {
   return samples + std::max(options.unfinished_base * options.detection, options.noise_uncertainty * samples);
 }
