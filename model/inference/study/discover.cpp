@@ -55,11 +55,10 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   if (s.out.verdict == Verdict::nothing_missing && !unexplained_locked.empty() && options.held_out.empty()) {
     // What is missing shows in those alone, so they are learned from, and others are held out.
     s.out = as_read;
-    s.out.health.warnings.push_back(
-        "Something seemed to be missing only in recordings that had been locked "
-        "away (" +
-        names_of(s, unexplained_locked) +
-        "). So these were learned from, and others were locked away instead.");
+    s.out.health.warnings.push_back("Something seemed to be missing only in " +
+                                    names_of(s, unexplained_locked) +
+                                    ", locked away at first: so that was learned from, and others were "
+                                    "locked away instead.");
     const auto tick = s.tick;
     s.tick = [tick](const std::string& stage, double f) { tick(stage, 0.95 + 0.05 * f); };
     split(s, choose_held_out(s.bench, unexplained_locked));
@@ -67,7 +66,7 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   }
   auto& out = s.out;
   if (out.verdict == Verdict::nothing_missing && !unexplained_locked.empty())
-    out.health.warnings.push_back("Of the recordings that were locked away, the model does not explain " +
+    out.health.warnings.push_back("What was locked away is not explained in " +
                                   names_of(s, unexplained_locked) +
                                   ": something may be missing that shows only there.");
   out.health.simulations = static_cast<int>(s.simulations);
