@@ -18,9 +18,9 @@ constexpr int most_domains = 16000;
 
 // Progress at which the recalibration of the base has ended, and at which the proof begins.
 constexpr double share_of_recalibration = 0.15, share_before_proof = 0.95;
-// Share of the progress that remains before the proof that the selection of effects is given. Where a gap is
-// narrowed after it, selection was measured to take about half of the time.
-constexpr double share_of_selection = 0.6;
+// Share that a step is given of the progress that remains before the proof. Where a gap is narrowed after it,
+// the selection of effects was measured to take about half of the time.
+constexpr double share_of_step = 0.6;
 
 // Residual and slopes where a fit stands, by noise alone.
 void stand_at(const WhitenedRecordings& residuals, Fit& fit) {
@@ -44,7 +44,7 @@ std::set<std::size_t> Inquiry::run() {
   const double error = choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains);
   s_.out.health.numerical_error_over_noise = error;
   s_.selection.raise_detection(error * error * fine_.samples());
-  found_ = ask(base_, true, s_.start, share_of_selection, s_.selection);
+  found_ = ask(base_, true, s_.start, s_.selection);
   if (found_.gross) improve_gross();
   untestable_ = s_.out.not_testable;
   summarize(found_, s_.selection, s_.out);
@@ -57,9 +57,9 @@ std::set<std::size_t> Inquiry::run() {
   return prove();
 }
 
-Ticker Inquiry::next_part(double share) {
+Ticker Inquiry::next_step() {
   const double from = done_;
-  done_ += share * (share_before_proof - done_);
+  done_ += share_of_step * (share_before_proof - done_);
   return [this, from, to = done_](const std::string& stage, double f) {
     s_.tick(stage, from + (to - from) * f);
   };
@@ -74,7 +74,7 @@ SimulationOptions Inquiry::fine_for(const Model& base) const {
 // Runs the workflow for this base, with the fidelities that coarse_ and fine_ have by now. The recalibration
 // starts from `start` or, if that is empty, from the given values. With `unless_gross`, effects are not
 // selected if the base is wrong by much. An explanation that the held-out recordings refute is taken back.
-WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, double share,
+WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start,
                             const SelectionOptions& selection) {
   auto out = run_workflow(
       coarse_, fine_, base,
@@ -91,7 +91,7 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
        .is_gross = [this, unless_gross](
                        const Fit& f) { return unless_gross && is_gross(coarse_, f.hypothesis, f.z); },
        .beyond_effects = [this](const Fit& f) { return fit_residual_basis(coarse_, f).beyond_chance; },
-       .tick = next_part(share)},
+       .tick = next_step()},
       s_.out.health);
   if (out.best != nullptr && !s_.held_out.empty() &&
       refute(out.selection, out.best->drop, locked_excess(out), s_.selection))
@@ -100,8 +100,8 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
 }
 
 // Narrows what a fit leaves.
-std::optional<Improvement> Inquiry::narrow(const Fit& from, ImprovementTask& task, double share) {
-  task.tick = next_part(share);
+std::optional<Improvement> Inquiry::narrow(const Fit& from, ImprovementTask& task) {
+  task.tick = next_step();
   return improve(from, task, s_.out.health.warnings);
 }
 
@@ -137,7 +137,7 @@ void Inquiry::improve_gross() {
   auto task = improvement_task(s_, fine_.simulation());
   allow_far_search(s_, task);
   task.until_noise_may_judge = true;
-  improved_ = narrow(given, task, share_of_selection);
+  improved_ = narrow(given, task);
   if (!improved_ || is_gross(coarse_, improved_->hypothesis, improved_->z)) return;
   // The model is no longer wrong by much: an effect was large, or the first fit had ended in a wrong local
   // minimum. So effects are selected again, with noise as the only error.
@@ -145,13 +145,13 @@ void Inquiry::improve_gross() {
   if (!base_alone && std::ranges::all_of(improved_->added, &AddedTerm::empirical)) return;
   auto again = ask(base_, false,
                    base_alone ? carried_over(base_, improved_->hypothesis, improved_->z) : Eigen::VectorXd{},
-                   share_of_selection, s_.selection);
+                   s_.selection);
   if (again.best != nullptr || base_alone) {
     found_ = std::move(again);
     improved_.reset();
   } else if (improved_->for_noise_to_judge) {
     task.until_noise_may_judge = false;
-    improved_ = narrow(given, task, 1);
+    improved_ = narrow(given, task);
   }
 }
 

@@ -25,12 +25,12 @@ class Inquiry {
   static constexpr auto gap_without_a_name = "Recalibrated, with terms that narrow a gap that has no name.";
 
   SimulationOptions fine_for(const Model& base) const;
-  // Reports the progress of the next step, which is given this share of the progress that remains before the
-  // proof. How many steps follow depends on what is found, so progress may jump at the end.
-  Ticker next_part(double share);
-  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start, double share,
+  // Reports the progress of the next step. How many steps follow depends on what is found, so progress may
+  // jump at the end.
+  Ticker next_step();
+  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start,
                      const SelectionOptions& selection);
-  std::optional<Improvement> narrow(const Fit& from, ImprovementTask& task, double share);
+  std::optional<Improvement> narrow(const Fit& from, ImprovementTask& task);
   std::vector<const Effect*> candidates_beside(const Model& model) const;
   WhitenedRecordings locked_by(const SimulationOptions& simulation) const;
   ExcessTaken locked_excess(const WorkflowResult& found) const;

@@ -10,9 +10,6 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// Of the time that is left, where something else may follow.
-constexpr double share_of_each = 0.6;
-
 bool is_correction(const AddedTerm& a) {
   return a.empirical && !find_effect(a.term.id).table;
 }
@@ -76,11 +73,11 @@ void Inquiry::improve_beyond_effects() {
   else
     task.named = s_.out.added;
   task.tables_beside_corrections = !unknown || !terms_.empty();
-  auto improved = narrow(after_, task, share_of_each);
+  auto improved = narrow(after_, task);
   if (improved && !task.tables_beside_corrections && std::ranges::any_of(improved->added, is_correction)) {
     if (ask_beside_corrections(*improved)) return improve_beyond_effects();
     task.tables_beside_corrections = true;
-    improved = narrow(after_, task, share_of_each);
+    improved = narrow(after_, task);
   }
   if (improved && unknown && ask_beside_tables(*improved)) return;
   if (!improved || improved->added.size() == task.named.size()) return;
@@ -102,7 +99,7 @@ bool Inquiry::name_a_second_effect() {
   const auto named = found_.best->effects;
   const double among_rivals = out.explanations.front().probability / (1 - out.probability_unknown);
   const auto stood = pasts_of(s_.bench);
-  const auto improved = narrow(after_, task, share_of_each);
+  const auto improved = narrow(after_, task);
   if (!improved || !ask_beside_tables(*improved, named)) {
     if (task.set_pasts) task.set_pasts(stood);
     return false;
@@ -135,7 +132,7 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
   std::ranges::copy_if(narrowed.added, std::back_inserter(corrections), is_correction);
   const double stood = squares_at(narrowed);
   auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
-                   false, {}, share_of_each, s_.selection);
+                   false, {}, s_.selection);
   const bool named = is_named_beside_terms(again);
   if ((named ? again.best->fit : again.base).squares > stood) return false;
   terms_ = std::move(corrections);
@@ -160,8 +157,7 @@ bool Inquiry::ask_beside_tables(const Improvement& narrowed, const std::vector<c
   base = as_last_of_base(std::move(base), named);
   auto selection = s_.selection;
   selection.relative_remainder = 1 - selection.material_share;
-  auto again =
-      ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z), share_of_each, selection);
+  auto again = ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z), selection);
   if (!is_named_beside_terms(again)) return false;
   const bool is_alone = again.best->effects.size() == 1;
   if (!named.empty() && !is_alone) return false;
