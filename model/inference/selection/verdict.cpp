@@ -227,13 +227,13 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
   return out;
 }
 
-bool refute(ModelSelection& selection, double drop, const ExcessTaken& locked,
+bool refute(ModelSelection& selection, double drop, const ExcessTaken& held_out,
             const SelectionOptions& options) {
   double unknown = 0;
-  if (drop + locked.before - locked.left < options.detection) {
+  if (drop + held_out.before - held_out.left < options.detection) {
     unknown = 1;
-  } else if (const auto& learned = selection.excess) {
-    const double share = 1 - (learned->left + locked.left) / (learned->before + locked.before);
+  } else if (const auto& training = selection.excess) {
+    const double share = 1 - (training->left + held_out.left) / (training->before + held_out.before);
     unknown = probability_of_unknown(share, options);
   }
   if (unknown <= 0.5) return false;

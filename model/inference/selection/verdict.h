@@ -30,7 +30,7 @@ struct ModelSelection {
   std::vector<std::pair<const Trial*, double>> trials;  // with probability, best first
   bool sufficient = false;                              // the first trial leaves nothing but noise
   double probability_unknown = 0, probability_nothing = 0;
-  // Of what was learned from, by the first trial; where nothing is sufficient.
+  // Of the training recordings, by the first trial; where nothing is sufficient.
   std::optional<ExcessTaken> excess;
 };
 
@@ -41,7 +41,7 @@ ModelSelection select_model(const ForwardSelection& found, const SelectionOption
 // recordings. They do if the sum of squares of all recordings together falls by less than a detection or,
 // where no explanation is sufficient, by less than the material share of the excess. If so, the verdict in
 // `selection` becomes "unknown", and the explanation its `doubted` one.
-bool refute(ModelSelection& selection, double drop, const ExcessTaken& locked,
+bool refute(ModelSelection& selection, double drop, const ExcessTaken& held_out,
             const SelectionOptions& options);
 
 // Probability that something outside the catalogue is missing, if `share` is the smallest share that an

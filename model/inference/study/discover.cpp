@@ -51,23 +51,24 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   const auto as_read = s.out;
   split(s, held_out_by(s));
   settle_unknown_pasts(base, s);
-  auto unexplained_locked = Inquiry(s, base).run();
-  if (s.out.verdict == Verdict::nothing_missing && !unexplained_locked.empty() && options.held_out.empty()) {
+  auto unexplained_held_out = Inquiry(s, base).run();
+  if (s.out.verdict == Verdict::nothing_missing && !unexplained_held_out.empty() &&
+      options.held_out.empty()) {
     // What is missing shows in those alone, so they are learned from, and others are held out.
     s.out = as_read;
     s.out.health.warnings.push_back("Something seemed to be missing only in " +
-                                    names_of(s, unexplained_locked) +
+                                    names_of(s, unexplained_held_out) +
                                     ", locked away at first: so that was learned from, and others were "
                                     "locked away instead.");
     const auto tick = s.tick;
     s.tick = [tick](const std::string& stage, double f) { tick(stage, 0.95 + 0.05 * f); };
-    split(s, choose_held_out(s.bench, unexplained_locked));
-    unexplained_locked = Inquiry(s, base).run();
+    split(s, choose_held_out(s.bench, unexplained_held_out));
+    unexplained_held_out = Inquiry(s, base).run();
   }
   auto& out = s.out;
-  if (out.verdict == Verdict::nothing_missing && !unexplained_locked.empty())
+  if (out.verdict == Verdict::nothing_missing && !unexplained_held_out.empty())
     out.health.warnings.push_back("What was locked away is not explained in " +
-                                  names_of(s, unexplained_locked) +
+                                  names_of(s, unexplained_held_out) +
                                   ": something may be missing that shows only there.");
   out.health.simulations = static_cast<int>(s.simulations);
   out.health.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

@@ -28,8 +28,8 @@ std::vector<std::string> runs_of(const std::vector<TableCell>& cells) {
   return out;
 }
 
-std::vector<std::string> choose_locked(const std::vector<std::string>& runs,
-                                       const std::vector<std::string>& wanted, std::size_t cells) {
+std::vector<std::string> choose_held_out_runs(const std::vector<std::string>& runs,
+                                              const std::vector<std::string>& wanted, std::size_t cells) {
   if (!wanted.empty()) {
     check_held_out(wanted, runs);
     return wanted;
@@ -74,14 +74,15 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   const PublishedExperiments experiments(tables);
   const auto cells = cells_of(experiments);
   const auto runs = runs_of(cells);
-  const auto locked = choose_locked(runs, options.held_out, cells.size());
+  const auto held_out_runs = choose_held_out_runs(runs, options.held_out, cells.size());
   std::vector<std::size_t> all, train, held_out;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     all.push_back(i);
-    (std::ranges::find(locked, cells[i].run) == locked.end() ? train : held_out).push_back(i);
+    (std::ranges::find(held_out_runs, cells[i].run) == held_out_runs.end() ? train : held_out).push_back(i);
   }
   for (const auto& run : runs)
-    (std::ranges::find(locked, run) == locked.end() ? out.train : out.held_out).recordings.push_back(run);
+    (std::ranges::find(held_out_runs, run) == held_out_runs.end() ? out.train : out.held_out)
+        .recordings.push_back(run);
 
   auto hypothesis = base_hypothesis(base, {});
   hypothesis.reach = 1;

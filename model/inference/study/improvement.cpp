@@ -63,7 +63,7 @@ class Improver {
     if (!task_.presumed_past) settle_with_pasts(std::move(given));
     stand_as_base();
     out_.added = task_.named;
-    if (out_.added.empty() && !incumbent_.by_noise()) name();
+    if (out_.added.empty() && !incumbent_.noise_is_only_error()) name();
     out_.named = !out_.added.empty() && all_take_material_shares();
     out_.for_noise_to_judge =
         task_.until_noise_may_judge && !out_.added.empty() && !incumbent_.is_gross(incumbent_.at());
@@ -72,7 +72,7 @@ class Improver {
     const auto& [hypothesis, z] = incumbent_.at();
     // Beside the model's error, that is what the likelihood is tempered by.
     estimate_terms(incumbent_.fit(), hypothesis, z,
-                   incumbent_.by_noise() ? task_.selection.likelihood_tempering : 1, out_.added);
+                   incumbent_.noise_is_only_error() ? task_.selection.likelihood_tempering : 1, out_.added);
     out_.hypothesis = hypothesis;
     out_.z = z;
     return std::move(out_);
@@ -96,7 +96,7 @@ class Improver {
   void settle_with_pasts(HypothesisPoint given) {
     const auto before = incumbent_.pasts();
     const auto under_given = fit_to_all(given);
-    if (under_given && under_given->least() > 0)
+    if (under_given && under_given->smaller_share() > 0)
       incumbent_.settle_at(std::move(given));
     else
       task_.set_pasts(before);
@@ -122,13 +122,15 @@ class Improver {
   }
 
   void narrow() {
-    if (!incumbent_.by_noise()) incumbent_.settle_with_trusted_instruments();
+    if (!incumbent_.noise_is_only_error()) incumbent_.settle_with_trusted_instruments();
     stand_as_base();
     auto remaining = task_.candidates;
     remaining.insert(remaining.end(), task_.corrections.begin(), task_.corrections.end());
     demanded_ = least_share_of_effect;
     search_again(remaining);
-    const auto is_worth_more = [this] { return incumbent_.by_noise() || incumbent_.is_material(); };
+    const auto is_worth_more = [this] {
+      return incumbent_.noise_is_only_error() || incumbent_.is_material();
+    };
     while (!out_.named && out_.added.size() < most_effects && is_worth_more() && add_effect(remaining)) {
     }
   }
@@ -160,7 +162,7 @@ class Improver {
         const double gained = incumbent_.log_likelihood_ratio(*trial) -
                               bic_penalty({searched.effect}, incumbent_.residuals().samples());
         tried.push_back({searched.effect, gained, std::move(next), incumbent_.pasts()});
-      } else if (trial && trial->least() >= demanded_) {
+      } else if (trial && trial->smaller_share() >= demanded_) {
         out_.searched = true;
         incumbent_.settle_at(std::move(next));
         stand_as_base();
@@ -183,7 +185,7 @@ class Improver {
     if (out_.named) out_.rivals = std::move(rivals);
   }
 
-  // From where a search ended, to all recordings that are learned from, under the pasts that are likeliest
+  // From where a search ended, to all training recordings, under the pasts that are likeliest
   // for it. Empty where the model cannot be simulated in one of them: the search saw some.
   std::optional<Comparison> fit_to_all(HypothesisPoint& at) const {
     try {
@@ -273,12 +275,12 @@ class Improver {
       auto trial = incumbent_.weigh(t.place);
       if (!trial) continue;
       if (&t == &tried.front() && is_enough(trial)) return name(t, *std::move(trial));
-      if (trial->least() >= least_part_at_first * demanded_) {
+      if (trial->smaller_share() >= least_part_at_first * demanded_) {
         t.place = incumbent_.fitted_beside_its_own_error(t.place);
         trial = incumbent_.weigh(t.place);
         if (!trial) continue;
         t.gained = incumbent_.log_likelihood_ratio(*trial) - penalty(*t.effect);
-        if (trial->least() > most.least()) {
+        if (trial->smaller_share() > most.smaller_share()) {
           most = *trial;
           best = &t;
         }
@@ -288,7 +290,7 @@ class Improver {
         for_noise = &t;
       }
     }
-    if (best != nullptr && most.least() >= demanded_) return name(*best, std::move(most));
+    if (best != nullptr && most.smaller_share() >= demanded_) return name(*best, std::move(most));
     return for_noise != nullptr && name(*for_noise, std::move(most_for_noise));
   }
 
@@ -306,8 +308,8 @@ class Improver {
     return bic_penalty({&effect}, incumbent_.residuals().samples());
   }
 
-  // The term at the port where the model becomes likeliest, if it holds on the locked recordings. Only terms
-  // that promise more than the best of those that are fitted are fitted as well.
+  // The term at the port where the model becomes likeliest, if it holds on the held-out recordings. Only
+  // terms that promise more than the best of those that are fitted are fitted as well.
   bool add_empirical(std::vector<const Effect*>& ports) {
     std::vector<LinearizedTerm> linearized;
     for (const auto* term : ports) {
@@ -339,7 +341,7 @@ class Improver {
   }
 
   bool is_enough(const std::optional<Comparison>& trial) const {
-    return trial && trial->least() >= demanded_;
+    return trial && trial->smaller_share() >= demanded_;
   }
 
   // Whether it takes away what is demanded on both sides; then it is taken.

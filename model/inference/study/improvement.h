@@ -52,7 +52,7 @@ struct ImprovementTask {
   // much, or where what `named` leaves is to be narrowed: it is fitted beside its own error then, and
   // gains and offsets are taken for what the instruments state while terms are looked for. Nobody could tell
   // that they are off, and the model is handed on without them.
-  const WhitenedRecordings* by_noise = nullptr;
+  const WhitenedRecordings* noise_only = nullptr;
   // The pasts that are likeliest under a recalibrated model, in the bench's order, and what puts pasts into
   // the bench. Null: none is to be chosen.
   std::function<std::vector<protocols::Past>(const Model&)> choose_pasts{};
@@ -88,7 +88,7 @@ struct Improvement {
   std::vector<std::pair<const Effect*, double>> rivals;
 };
 
-// Improves the model that `base` holds. If task.by_noise is set, `base` must be a converged fit; otherwise
+// Improves the model that `base` holds. If task.noise_only is set, `base` must be a converged fit; otherwise
 // only its hypothesis and z are used. If a simulation fails, adds a warning and returns nothing.
 std::optional<Improvement> improve(const Fit& base, const ImprovementTask& task,
                                    std::vector<std::string>& warnings);

@@ -13,8 +13,8 @@ namespace ferrobench::model::inference {
 namespace {
 
 // A refit may cost either side this share of its excess, as much as a term has to take away at least. Without
-// that bound the refit after a table took the charge of a locked loop of the ceramic from 1.2 to 3.9 % of its
-// range.
+// that bound the refit after a table took the charge of a held-out loop of the ceramic from 1.2 to 3.9 % of
+// its range.
 constexpr double most_lost = 0.02;
 // Rounds in which an error and a fit beside it follow each other down, while one gains this in 2 ln of the
 // likelihood. Of a leakage that left 28 times the noise, a round halved what was left.
@@ -37,13 +37,13 @@ double Incumbent::log_likelihood_ratio(const Fit& with) const {
 }
 
 double Incumbent::log_likelihood_ratio(const Comparison& with) const {
-  return log_likelihood_ratio_beside_error(noise_, learned_, with.learned, task_.train);
+  return log_likelihood_ratio_beside_error(noise_, training_, with.training, task_.train);
 }
 
 // Measured less simulated over the noise.
 Signals Incumbent::miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const {
   const WhitenedRecordings fine(*task_.bench, *task_.noise, recordings, simulation_, task_.threads);
-  if (!by_noise()) return predict(fine, at.hypothesis, at.z).standardized;
+  if (!noise_is_only_error()) return predict(fine, at.hypothesis, at.z).standardized;
   const WhitenedRecordings coarse(*task_.bench, *task_.noise, recordings, residuals().simulation(),
                                   task_.threads);
   return predict(fine, coarse, at.hypothesis, at.z).standardized;
@@ -54,43 +54,43 @@ std::optional<Comparison> Incumbent::weigh(const HypothesisPoint& next) const {
     return 1 - excess_squares(after) / excess_squares(before);
   };
   const auto share_of = [&](const Signals& before, const Signals& after, const auto& recordings) {
-    if (by_noise()) return share_by_noise(before, after);
+    if (noise_is_only_error()) return share_by_noise(before, after);
     return 1 -
            excess_beside_error(noise_, after, recordings) / excess_beside_error(noise_, before, recordings);
   };
   Comparison out;
   try {
-    out = {.learned = miss(next, task_.train), .locked = miss(next, task_.held_out)};
+    out = {.training = miss(next, task_.train), .held_out = miss(next, task_.held_out)};
   } catch (const Error& failure) {
     if (failure.code() != ErrorCode::numerical) throw;
     return std::nullopt;
   }
-  out.share = out.share_held_out = share_of(learned_, out.learned, task_.train);
+  out.share = out.share_held_out = share_of(training_, out.training, task_.train);
   // The held-out recordings count only if they show lack of fit before or after or, with noise as the only
   // error, if their sum of squares rises by more than a detection. Otherwise they say nothing about the
   // trial, and its share on the training recordings stands for both.
   const auto& how = task_.selection;
   const auto rises = [&] {
-    return by_noise() && excess_squares(out.locked) > excess_squares(locked_) + how.detection;
+    return noise_is_only_error() && excess_squares(out.held_out) > excess_squares(held_out_) + how.detection;
   };
-  if (!task_.held_out.empty() && (shows(locked_, how) || shows(out.locked, how) || rises()))
+  if (!task_.held_out.empty() && (shows(held_out_, how) || shows(out.held_out, how) || rises()))
     // By noise as well: so the proof will count.
     out.share_held_out =
-        std::min(share_of(locked_, out.locked, task_.held_out), share_by_noise(locked_, out.locked));
+        std::min(share_of(held_out_, out.held_out, task_.held_out), share_by_noise(held_out_, out.held_out));
   return out;
 }
 
 HypothesisPoint Incumbent::fitted_beside_its_own_error(HypothesisPoint trial) const {
   auto errors = noise_;
-  Signals before = learned_;
+  Signals before = training_;
   for (int i = 0; i < most_rounds_of_error; ++i) {
-    auto learned = miss(trial, task_.train);
-    if (log_likelihood_ratio_beside_error(errors, before, learned, task_.train) < least_gain_of_round) break;
-    estimate_errors(learned, miss(trial, task_.held_out), errors);
+    auto training = miss(trial, task_.train);
+    if (log_likelihood_ratio_beside_error(errors, before, training, task_.train) < least_gain_of_round) break;
+    estimate_errors(training, miss(trial, task_.held_out), errors);
     const WhitenedRecordings residuals(*task_.bench, errors, task_.train, coarse_, task_.threads);
     trial.z =
         minimize(residuals, trial.hypothesis, trial.z, solver(12, "fitting beside the model's error")).z;
-    before = std::move(learned);
+    before = std::move(training);
   }
   return trial;
 }
@@ -101,7 +101,7 @@ bool Incumbent::is_gross(const HypothesisPoint& at) const {
 }
 
 void Incumbent::settle(int rounds) {
-  if (by_noise()) rounds = 1;  // there is no error to agree with
+  if (noise_is_only_error()) rounds = 1;  // there is no error to agree with
   for (int i = 0; i < rounds; ++i) {
     tick_("how wrong the model is");
     stand(at_, miss(at_, task_.train), miss(at_, task_.held_out));
@@ -119,32 +119,33 @@ void Incumbent::settle_with_trusted_instruments() {
   settle();
 }
 
-// All together: what is usual of a channel cannot be said by the few that are locked.
-void Incumbent::estimate_errors(Signals learned, const Signals& locked,
+// All together: what is usual of a channel cannot be said by the few that are held out.
+void Incumbent::estimate_errors(Signals training, const Signals& held_out,
                                 std::vector<std::vector<NoiseModel>>& errors) const {
   auto recordings = task_.train;
   recordings.insert(recordings.end(), task_.held_out.begin(), task_.held_out.end());
-  learned.insert(learned.end(), locked.begin(), locked.end());
-  estimate_model_errors(*task_.bench, learned, recordings, errors);
+  training.insert(training.end(), held_out.begin(), held_out.end());
+  estimate_model_errors(*task_.bench, training, recordings, errors);
 }
 
 // The model's error by what it misses there, and the fit there, beside that error or by noise.
-void Incumbent::stand(HypothesisPoint at, Signals learned, Signals locked) {
+void Incumbent::stand(HypothesisPoint at, Signals training, Signals held_out) {
   at_ = std::move(at);
-  learned_ = std::move(learned);
-  locked_ = std::move(locked);
-  estimate_errors(learned_, locked_, noise_);
+  training_ = std::move(training);
+  held_out_ = std::move(held_out);
+  estimate_errors(training_, held_out_, noise_);
   material_ = is_error_material(*task_.bench, noise_, task_.train, task_.floor);
-  if (!by_noise()) weigh_rows();
+  if (!noise_is_only_error()) weigh_rows();
   fit_.fresh = false;  // its slopes are those of another hypothesis, or under other pasts
   fit_ = minimize(residuals(), at_.hypothesis, at_.z, {.iterations = 0, .tick = {}},
-                  by_noise() ? &fit_ : nullptr);
+                  noise_is_only_error() ? &fit_ : nullptr);
   if (!fit_.fresh) refresh_jacobian(residuals(), fit_);
 }
 
 Fit Incumbent::refitted() const {
-  auto out = minimize(residuals(), at_.hypothesis, at_.z,
-                      solver(12, by_noise() ? "refitting" : "fitting beside the model's error"), &fit_);
+  auto out =
+      minimize(residuals(), at_.hypothesis, at_.z,
+               solver(12, noise_is_only_error() ? "refitting" : "fitting beside the model's error"), &fit_);
   if (!out.fresh) refresh_jacobian(residuals(), out);
   return out;
 }
@@ -170,15 +171,15 @@ void Incumbent::weigh_rows() {
 bool Incumbent::refit() {
   auto fit = refitted();
   auto after = weigh({at_.hypothesis, fit.z});
-  if (!after || after->least() < -most_lost) return false;
+  if (!after || after->smaller_share() < -most_lost) return false;
   move(std::move(fit));
-  learned_ = std::move(after->learned);
-  locked_ = std::move(after->locked);
+  training_ = std::move(after->training);
+  held_out_ = std::move(after->held_out);
   return true;
 }
 
 void Incumbent::accept(HypothesisPoint next, Comparison trial) {
-  stand(std::move(next), std::move(trial.learned), std::move(trial.locked));
+  stand(std::move(next), std::move(trial.training), std::move(trial.held_out));
   refit();
 }
 
@@ -187,7 +188,7 @@ void Incumbent::refit_under_other_pasts() {
   if (!choose_pasts(at_)) return;
   fit_.fresh = false;
   if (refit())
-    stand(at_, learned_, locked_);
+    stand(at_, training_, held_out_);
   else
     task_.set_pasts(stood);
 }

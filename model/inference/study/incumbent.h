@@ -1,6 +1,6 @@
 // The model that stands while a gap is narrowed (improvement.h): its fit, its own error beside the noise, and
-// what it misses of the recordings that were learned from and of those that were locked. What is tried is
-// weighed against it and, if it is better, takes its place.
+// what it misses of the training and of the held-out recordings. What is tried is weighed against it and, if
+// it is better, takes its place.
 #pragma once
 
 #include <algorithm>
@@ -19,12 +19,12 @@ struct HypothesisPoint {
   Eigen::VectorXd z;
 };
 
-// What a trial misses, and the share of the incumbent's excess that it takes away: on recordings that were
-// learned from and on those that were locked.
+// What a trial misses, and the share of the incumbent's excess that it takes away: on the training and on the
+// held-out recordings.
 struct Comparison {
-  Signals learned, locked;
+  Signals training, held_out;
   double share = 0, share_held_out = 0;
-  double least() const { return std::min(share, share_held_out); }
+  double smaller_share() const { return std::min(share, share_held_out); }
 };
 
 class Incumbent {
@@ -36,12 +36,14 @@ class Incumbent {
   const Fit& fit() const { return fit_; }
   // Noise and model error of each channel of each recording.
   const std::vector<std::vector<NoiseModel>>& noise() const { return noise_; }
-  // Whether its error is worth working on in any recording that is learned from.
+  // Whether its error is worth working on in any training recording.
   bool is_material() const { return material_; }
-  // Whether noise alone is the measure.
-  bool by_noise() const { return task_.by_noise != nullptr; }
+  // Whether noise is the only error of the likelihood; else the model has an error of its own beside it.
+  bool noise_is_only_error() const { return task_.noise_only != nullptr; }
   // Weighed by noise and error, by the simulation that fits are made by.
-  const WhitenedRecordings& residuals() const { return by_noise() ? *task_.by_noise : *residuals_; }
+  const WhitenedRecordings& residuals() const {
+    return noise_is_only_error() ? *task_.noise_only : *residuals_;
+  }
   SolverOptions solver(int iterations, const std::string& stage) const;
 
   // 2 ln of the likelihood ratio over the incumbent.
@@ -72,9 +74,9 @@ class Incumbent {
 
  private:
   Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
-  void estimate_errors(Signals learned, const Signals& locked,
+  void estimate_errors(Signals training, const Signals& held_out,
                        std::vector<std::vector<NoiseModel>>& errors) const;
-  void stand(HypothesisPoint at, Signals learned, Signals locked);
+  void stand(HypothesisPoint at, Signals training, Signals held_out);
   Fit refitted() const;
   bool refit();
   void move(Fit to);
@@ -87,7 +89,7 @@ class Incumbent {
   std::unique_ptr<WhitenedRecordings> residuals_;
   HypothesisPoint at_;
   Fit fit_;
-  Signals learned_, locked_;
+  Signals training_, held_out_;
   bool material_ = false;
 };
 

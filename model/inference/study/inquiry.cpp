@@ -44,7 +44,7 @@ std::set<std::size_t> Inquiry::run() {
   const double error = choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains);
   s_.out.health.numerical_error_over_noise = error;
   s_.selection.raise_detection(error * error * fine_.samples());
-  found_ = ask(base_, true, s_.start, s_.selection);
+  found_ = select(base_, true, s_.start, s_.selection);
   if (found_.gross) improve_gross();
   untestable_ = s_.out.not_testable;
   summarize(found_, s_.selection, s_.out);
@@ -74,8 +74,8 @@ SimulationOptions Inquiry::fine_for(const Model& base) const {
 // Runs the workflow for this base, with the fidelities that coarse_ and fine_ have by now. The recalibration
 // starts from `start` or, if that is empty, from the given values. With `unless_gross`, effects are not
 // selected if the base is wrong by much. An explanation that the held-out recordings refute is taken back.
-WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start,
-                            const SelectionOptions& selection) {
+WorkflowResult Inquiry::select(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start,
+                               const SelectionOptions& selection) {
   auto out = run_workflow(
       coarse_, fine_, base,
       {.candidates = candidates_beside(base.model),
@@ -94,7 +94,7 @@ WorkflowResult Inquiry::ask(const Hypothesis& base, bool unless_gross, Eigen::Ve
        .tick = next_step()},
       s_.out.health);
   if (out.best != nullptr && !s_.held_out.empty() &&
-      refute(out.selection, out.best->drop, locked_excess(out), s_.selection))
+      refute(out.selection, out.best->drop, held_out_excess(out), s_.selection))
     out.best = nullptr;
   return out;
 }
@@ -114,15 +114,15 @@ std::vector<const Effect*> Inquiry::candidates_beside(const Model& model) const 
   return out;
 }
 
-WhitenedRecordings Inquiry::locked_by(const SimulationOptions& simulation) const {
+WhitenedRecordings Inquiry::held_out_residuals(const SimulationOptions& simulation) const {
   return {s_.bench, s_.noise, s_.held_out, simulation, s_.threads};
 }
 
-// What the recalibrated base and the best explanation leave of the recordings that were locked away, above
-// the noise. Pasts are those that stand, for it as for the base.
-ExcessTaken Inquiry::locked_excess(const WorkflowResult& found) const {
+// What the recalibrated base and the best explanation leave of the held-out recordings, above the noise.
+// Pasts are those that stand, for it as for the base.
+ExcessTaken Inquiry::held_out_excess(const WorkflowResult& found) const {
   if (s_.held_out.empty()) return {};
-  const auto fine = locked_by(fine_.simulation()), coarse = locked_by(coarse_.simulation());
+  const auto fine = held_out_residuals(fine_.simulation()), coarse = held_out_residuals(coarse_.simulation());
   const auto excess = [&](const Fit& f) {
     return excess_squares(predict(fine, coarse, f.hypothesis, f.z).standardized);
   };
@@ -143,9 +143,9 @@ void Inquiry::improve_gross() {
   // minimum. So effects are selected again, with noise as the only error.
   const bool base_alone = improved_->added.empty();
   if (!base_alone && std::ranges::all_of(improved_->added, &AddedTerm::empirical)) return;
-  auto again = ask(base_, false,
-                   base_alone ? carried_over(base_, improved_->hypothesis, improved_->z) : Eigen::VectorXd{},
-                   s_.selection);
+  auto again = select(
+      base_, false, base_alone ? carried_over(base_, improved_->hypothesis, improved_->z) : Eigen::VectorXd{},
+      s_.selection);
   if (again.best != nullptr || base_alone) {
     found_ = std::move(again);
     improved_.reset();
@@ -215,7 +215,7 @@ void Inquiry::tell_where() {
 std::set<std::size_t> Inquiry::prove() {
   s_.tick("the proof", share_before_proof);
   auto& out = s_.out;
-  std::set<std::size_t> unexplained_locked;
+  std::set<std::size_t> unexplained_held_out;
   const bool added = !out.added.empty();
   const auto predicted = [this](const WhitenedRecordings& of, const WhitenedRecordings& by, const Fit& f) {
     refine_pasts(unknown_pasts(s_), f.hypothesis, f.z);
@@ -238,14 +238,15 @@ std::set<std::size_t> Inquiry::prove() {
   if (out.remainder)
     out.remainder->family = fit_residual_basis(coarse_, after_, out.remainder->channel).family;
   if (!s_.held_out.empty()) {
-    const auto locked = locked_by(fine_.simulation()), locked_coarse = locked_by(coarse_.simulation());
-    const auto locked_before = figures_before(locked, locked_coarse),
-               locked_after = added ? predicted(locked, locked_coarse, after_) : locked_before;
-    unexplained_locked = unexplained(locked, locked_before.standardized, s_.selection);
-    out.held_out.before = rms_by_channel(locked, locked_before.standardized);
-    out.held_out.after = rms_by_channel(locked, locked_after.standardized);
-    out.share_held_out = share_explained(locked_before.standardized, locked_after.standardized);
-    out.traces = traces(locked, locked_before, locked_after, 2, true);
+    const auto held_out = held_out_residuals(fine_.simulation()),
+               held_out_coarse = held_out_residuals(coarse_.simulation());
+    const auto held_out_before = figures_before(held_out, held_out_coarse),
+               held_out_after = added ? predicted(held_out, held_out_coarse, after_) : held_out_before;
+    unexplained_held_out = unexplained(held_out, held_out_before.standardized, s_.selection);
+    out.held_out.before = rms_by_channel(held_out, held_out_before.standardized);
+    out.held_out.after = rms_by_channel(held_out, held_out_after.standardized);
+    out.share_held_out = share_explained(held_out_before.standardized, held_out_after.standardized);
+    out.traces = traces(held_out, held_out_before, held_out_after, 2, true);
   }
   // A term that was named alone by noise takes all that is taken; what each of two takes was not asked.
   if (!improved_ && out.added.size() == 1) {
@@ -254,7 +255,7 @@ std::set<std::size_t> Inquiry::prove() {
   }
   tell_pasts(s_);
   for (auto& t : traces(fine_, before, after, 4, false)) out.traces.push_back(std::move(t));
-  return unexplained_locked;
+  return unexplained_held_out;
 }
 
 }  // namespace ferrobench::model::inference

@@ -28,19 +28,19 @@ class Inquiry {
   // Reports the progress of the next step. How many steps follow depends on what is found, so progress may
   // jump at the end.
   Ticker next_step();
-  WorkflowResult ask(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start,
-                     const SelectionOptions& selection);
+  WorkflowResult select(const Hypothesis& base, bool unless_gross, Eigen::VectorXd start,
+                        const SelectionOptions& selection);
   std::optional<Improvement> narrow(const Fit& from, ImprovementTask& task);
   std::vector<const Effect*> candidates_beside(const Model& model) const;
-  WhitenedRecordings locked_by(const SimulationOptions& simulation) const;
-  ExcessTaken locked_excess(const WorkflowResult& found) const;
+  WhitenedRecordings held_out_residuals(const SimulationOptions& simulation) const;
+  ExcessTaken held_out_excess(const WorkflowResult& found) const;
   void improve_gross();
   void compare_explanations();
   void improve_beyond_effects();
   bool name_a_second_effect();
   double squares_at(const Improvement& narrowed) const;
-  bool ask_beside_corrections(const Improvement& narrowed);
-  bool ask_beside_tables(const Improvement& narrowed, const std::vector<const Effect*>& named = {});
+  bool select_beside_corrections(const Improvement& narrowed);
+  bool select_beside_tables(const Improvement& narrowed, const std::vector<const Effect*>& named = {});
   bool is_named_beside_terms(const WorkflowResult& again) const;
   void tell_beside_terms(WorkflowResult again, bool named, const SelectionOptions& asked_by);
   void under_pasts_of_base(const std::function<void()>& what);

@@ -69,17 +69,17 @@ void Inquiry::improve_beyond_effects() {
     return std::ranges::any_of(terms_, [e](const AddedTerm& a) { return a.term.id == e->id; });
   });
   if (unknown)
-    task.by_noise = &coarse_;
+    task.noise_only = &coarse_;
   else
     task.named = s_.out.added;
   task.tables_beside_corrections = !unknown || !terms_.empty();
   auto improved = narrow(after_, task);
   if (improved && !task.tables_beside_corrections && std::ranges::any_of(improved->added, is_correction)) {
-    if (ask_beside_corrections(*improved)) return improve_beyond_effects();
+    if (select_beside_corrections(*improved)) return improve_beyond_effects();
     task.tables_beside_corrections = true;
     improved = narrow(after_, task);
   }
-  if (improved && unknown && ask_beside_tables(*improved)) return;
+  if (improved && unknown && select_beside_tables(*improved)) return;
   if (!improved || improved->added.size() == task.named.size()) return;
   // Beside named effects the terms were fitted with a model error, and with gains and offsets as stated. With
   // noise as the only error that fit may be worse than the one of the named effects; then it is dropped.
@@ -93,14 +93,14 @@ void Inquiry::improve_beyond_effects() {
 bool Inquiry::name_a_second_effect() {
   if (s_.out.verdict != Verdict::named || found_.best->effects.size() != 1) return false;
   auto task = improvement_task(s_, fine_.simulation());
-  task.by_noise = &coarse_;
+  task.noise_only = &coarse_;
   task.candidates = candidates_beside(after_.hypothesis.model);
   auto& out = s_.out;
   const auto named = found_.best->effects;
   const double among_rivals = out.explanations.front().probability / (1 - out.probability_unknown);
   const auto stood = pasts_of(s_.bench);
   const auto improved = narrow(after_, task);
-  if (!improved || !ask_beside_tables(*improved, named)) {
+  if (!improved || !select_beside_tables(*improved, named)) {
     if (task.set_pasts) task.set_pasts(stood);
     return false;
   }
@@ -127,12 +127,12 @@ bool Inquiry::is_named_beside_terms(const WorkflowResult& again) const {
 // base is recalibrated from the given values, since it may have another minimum, and effects are selected
 // beside it, since the wrong base may have hidden them. The result replaces `found_` unless its sum of
 // squares is larger than that of the narrowed model. Returns whether it does.
-bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
+bool Inquiry::select_beside_corrections(const Improvement& narrowed) {
   std::vector<AddedTerm> corrections;
   std::ranges::copy_if(narrowed.added, std::back_inserter(corrections), is_correction);
   const double stood = squares_at(narrowed);
-  auto again = ask(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
-                   false, {}, s_.selection);
+  auto again = select(with_corrections(base_, setting_at(narrowed.hypothesis, narrowed.z).model, corrections),
+                      false, {}, s_.selection);
   const bool named = is_named_beside_terms(again);
   if ((named ? again.best->fit : again.base).squares > stood) return false;
   terms_ = std::move(corrections);
@@ -145,7 +145,7 @@ bool Inquiry::ask_beside_corrections(const Improvement& narrowed) {
 // taken out, and the workflow is repeated from there. The terms only approximate that physics, so an effect
 // is sufficient beside them if it takes the material share of what they leave. Effects in `named` stay in the
 // base and are reported together with the new one. Returns whether an effect is named.
-bool Inquiry::ask_beside_tables(const Improvement& narrowed, const std::vector<const Effect*>& named) {
+bool Inquiry::select_beside_tables(const Improvement& narrowed, const std::vector<const Effect*>& named) {
   Hypothesis base = narrowed.hypothesis;
   std::vector<AddedTerm> tables;
   for (const auto& a : narrowed.added)
@@ -157,11 +157,11 @@ bool Inquiry::ask_beside_tables(const Improvement& narrowed, const std::vector<c
   base = as_last_of_base(std::move(base), named);
   auto selection = s_.selection;
   selection.relative_remainder = 1 - selection.material_share;
-  auto again = ask(base, false, carried_over(base, narrowed.hypothesis, narrowed.z), selection);
+  auto again = select(base, false, carried_over(base, narrowed.hypothesis, narrowed.z), selection);
   if (!is_named_beside_terms(again)) return false;
   const bool is_alone = again.best->effects.size() == 1;
   if (!named.empty() && !is_alone) return false;
-  const auto [before, after] = locked_excess(again);
+  const auto [before, after] = held_out_excess(again);
   if (after > (1 - s_.selection.material_share) * before) return false;
   const double share = share_of_excess(again.base, again.best->fit, coarse_.samples());
   std::ranges::move(tables, std::back_inserter(terms_));

@@ -58,9 +58,9 @@ Fit recalibrated(const UnknownPasts& of, const Hypothesis& base, const Eigen::Ve
 }
 
 // One recording where a fit stands.
-class Alone {
+class OneRecording {
  public:
-  Alone(const UnknownPasts& of, std::size_t r, const Hypothesis& hypothesis, const Eigen::VectorXd& z)
+  OneRecording(const UnknownPasts& of, std::size_t r, const Hypothesis& hypothesis, const Eigen::VectorXd& z)
       : bench_{of.bench[r]}, noise_{of.noise[r]}, by_(finely(of)), hypothesis_(hypothesis), z_(z) {}
 
   Past likeliest() {
@@ -117,7 +117,7 @@ void hold_pasts(std::vector<BenchRecording>& bench, const std::vector<Past>& pas
 void refine_pasts(const UnknownPasts& of, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
   auto pasts = pasts_of(of.bench);
   in_parallel(pasts.size(), of.threads, [&](std::size_t r) {
-    if (of.bench[r].past_is_free) pasts[r] = Alone(of, r, hypothesis, z).refined();
+    if (of.bench[r].past_is_free) pasts[r] = OneRecording(of, r, hypothesis, z).refined();
   });
   set_pasts(of, pasts);
 }
@@ -134,7 +134,7 @@ std::vector<Past> likeliest_pasts(const UnknownPasts& of, const Hypothesis& hypo
   auto out = pasts_of(of.bench);
   in_parallel(out.size(), of.threads, [&](std::size_t r) {
     of.tick("choosing the specimen's past");
-    if (of.unknown[r]) out[r] = Alone(of, r, hypothesis, z).likeliest();
+    if (of.unknown[r]) out[r] = OneRecording(of, r, hypothesis, z).likeliest();
   });
   return out;
 }
