@@ -24,9 +24,10 @@ constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
 // effect may take its whole share once the error is estimated with it.
 constexpr double least_part_at_first = 0.5;
 constexpr std::size_t most_named = 2, most_effects = 6, refits = 4;
-// Approximate shares of the progress: of the search of the base's whole range, where one is made, and of
-// effects in what remains.
-constexpr double share_of_search = 0.7, share_of_effects = 0.3;
+// Approximate shares of the progress: of the search of the base's whole range, where one is made; of effects
+// in what remains; and of a round of effects in what remains for these, as nobody knows how many rounds
+// follow.
+constexpr double share_of_search = 0.7, share_of_effects = 0.5, share_of_round = 0.5;
 // Rounds in which pasts are chosen anew, each followed by a fit; they stay as they are after two.
 constexpr int rounds_of_pasts = 2;
 
@@ -226,20 +227,22 @@ class Improver {
     }
   }
 
-  void tick(const std::string& stage) const {
+  // `of_round`: share of a round of effects that is done.
+  void tick(const std::string& stage, double of_round = 0) const {
     const double ports = 2 * static_cast<double>(task_.tables.size());  // mostly tried twice each
     const double done = tables_tried_ > 0
                             ? share_of_effects + (1 - share_of_effects) * std::min(1.0, tables_tried_ / ports)
-                            : share_of_effects * static_cast<double>(out_.added.size()) / (most_effects + 1);
+                            : share_of_effects * (1 - rounds_left_ * (1 - share_of_round * of_round));
     task_.tick(stage, searched_ + (1 - searched_) * done);
   }
   // The effects that promise most, each fitted beside the incumbent.
-  std::vector<TriedEffect> fitted_effects(const std::vector<const Effect*>& remaining) const {
+  std::vector<TriedEffect> fitted_effects(const std::vector<const Effect*>& remaining) {
     const auto& [hypothesis, z] = incumbent_.at();
     const auto screened = screen(incumbent_.residuals(), incumbent_.fit(),
-                                 {.effects = remaining, .rounds = 4, .tick = [this](double) {
-                                    tick("trying every effect on what is left");
+                                 {.effects = remaining, .rounds = 4, .tick = [this](double f) {
+                                    tick("trying every effect on what is left", f);
                                   }});
+    rounds_left_ *= 1 - share_of_round;
     std::vector<TriedEffect> out;
     for (const auto& s : screened) {
       if (out.size() == refits || s.values.empty() || s.drop < least_gain) break;
@@ -372,7 +375,8 @@ class Improver {
   const LogLikelihoodRatio likelihood_ = [this](const Fit& with) {
     return incumbent_.log_likelihood_ratio(with);
   };
-  double searched_ = 0;  // share of the time that the search took
+  double searched_ = 0;     // share of the time that the search took
+  double rounds_left_ = 1;  // share of the progress of effects that is left for more rounds
   int tables_tried_ = 0;
   double demanded_ = 1;  // share that a term has to take away, on both sides
   Improvement out_;
