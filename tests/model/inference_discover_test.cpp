@@ -653,7 +653,28 @@ TEST(Discrepancy, ABaseIsAnchoredWhereItEnds) {
   EXPECT_NEAR(base.fit.squares, exact, inference::unnoticed_change);
 }
 
-// Where no correction is made, what is fitted must not be the grain of the coarse simulation's own sum.
+// Steps by a coarse simulation, corrected where each solution ends, lead to the minimum of the fine one.
+TEST(Discrepancy, ACorrectedFitEndsAtTheMinimumOfTheFineSimulation) {
+  const auto two = two_recordings();
+  inference::Fit fit;
+  fit.hypothesis = inference::base_hypothesis(given(), two.bench);
+  fit.z = widely_spread(fit.hypothesis, inference::prior_mean(fit.hypothesis));
+  const inference::WhitenedRecordings coarse(two.bench, two.noises, {0, 1},
+                                             {.tolerance = 1e-4, .domains = 250, .shift = 7}, 2),
+      fine(two.bench, two.noises, {0, 1}, {.tolerance = 1e-5, .domains = 4000, .shift = 7}, 2);
+  const inference::SolverOptions options{.iterations = 30, .tick = {}};
+  const auto by_fine = [&](const Eigen::VectorXd& from, const inference::SolverOptions& how) {
+    return inference::minimize(fine, fit.hypothesis, from, how).squares;
+  };
+  const double of_fine = by_fine(fit.z, options);
+  const auto of_coarse = inference::minimize(coarse, fit.hypothesis, fit.z, options);
+  inference::minimize_corrected(coarse, fine, fit, options);
+  EXPECT_LT(fit.squares, of_fine + inference::unnoticed_change);
+  EXPECT_LT(fit.squares, by_fine(fit.z, options) + inference::unnoticed_change);
+  EXPECT_GT(by_fine(of_coarse.z, {.iterations = 0, .tick = {}}), fit.squares + inference::unnoticed_change);
+}
+
+// What is fitted must not be the grain of the coarse simulation's own sum.
 TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
   const auto two = two_recordings();
   const auto& bench = two.bench;
@@ -676,8 +697,9 @@ TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
               std::min(allowed, inference::last_steps_error));
     return domains;
   };
-  using inference::coarse_error_alone, inference::coarse_error_if_corrected;
-  EXPECT_GT(chosen_at(moved, coarse_error_alone), chosen_at(given_place, coarse_error_if_corrected));
+  using inference::coarse_error_beside_model_error, inference::coarse_error_if_corrected;
+  EXPECT_GT(chosen_at(moved, coarse_error_beside_model_error),
+            chosen_at(given_place, coarse_error_if_corrected));
 }
 
 TEST(Discrepancy, AMeasuredDriveIsUncertain) {

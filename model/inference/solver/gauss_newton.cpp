@@ -203,9 +203,10 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
           .groups = residuals.groups()};
   out.residual = out.corrected(residuals.evaluate(hypothesis, out.z));
   out.squares = out.residual.squaredNorm() + prior_squares(hypothesis, out.z);
-  if (warm_start != nullptr && warm_start->jacobian.cols() < out.z.size()) {
+  const Eigen::Index columns = warm_start != nullptr ? warm_start->jacobian.cols() : 0;
+  if (columns > 0 && columns < out.z.size()) {
     out.jacobian = warm_start->jacobian;
-    if (!make_columns(residuals, out, warm_start->jacobian.cols())) {
+    if (!make_columns(residuals, out, columns)) {
       out.jacobian = Eigen::MatrixXd::Zero(residuals.size(), out.z.size());
       return out;
     }

@@ -16,7 +16,7 @@ constexpr int most_rounds = 4, most_anchors = 3;
 constexpr double squares_per_doubling = 8;
 // Around an anchor the error of a quarter of the nodes was 0.1 to 30 of the sum of squares on four benches of
 // the campaign, and 45 to 160 for explanations far away, where the anchor is moved; without it up to 620.
-constexpr int cheaper = 4, least_domains = 1000;
+constexpr int cheaper = 4;
 // Damping that lets directions that only priors hold go all the way.
 constexpr double hardly_damped = 1e-7;
 // A round that gains less than this, or than this share of the sum of squares, was the last one.
@@ -31,13 +31,23 @@ double root_mean_square(double squares, const WhitenedResiduals& residuals) {
 
 double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,
                                 const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
-  return root_mean_square((coarse.evaluate(hypothesis, z) - fine.evaluate(hypothesis, z)).squaredNorm(),
-                          fine);
+  return coarse_error_at(coarse, fine.evaluate(hypothesis, z), hypothesis, z);
+}
+
+double coarse_error_at(const WhitenedResiduals& coarse, const Eigen::VectorXd& exact,
+                       const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
+  return root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), coarse);
 }
 
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
                          const Eigen::VectorXd& z, int most_domains, double coarse_error) {
   const auto [exact, error] = converge_fine_fidelity(fine, hypothesis, z, most_domains);
+  choose_coarse_fidelity(coarse, fine, exact, hypothesis, z, coarse_error);
+  return error;
+}
+
+void choose_coarse_fidelity(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Eigen::VectorXd& exact,
+                            const Hypothesis& hypothesis, const Eigen::VectorXd& z, double coarse_error) {
   // Of the nodes that are to serve every spread, the base has a third.
   const bool every_spread = fine.simulation().every_spread;
   struct Choice {
@@ -51,13 +61,12 @@ double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, con
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
-    const double off = root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), fine);
+    const double off = coarse_error_at(coarse, exact, hypothesis, z);
     if (!chosen && off < coarse_error) chosen = coarse.simulation();
     if (off < std::min(coarse_error, last_steps_error)) break;
   }
   fine.make_last_steps_by(coarse.simulation());
   if (chosen) coarse.simulate_by(*chosen);
-  return error;
 }
 
 namespace {
@@ -104,7 +113,7 @@ void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
                           Eigen::VectorXd residual) {
   fine.anchor(hypothesis, z, std::move(residual));
   auto simulation = fine.simulation();
-  const int enough = std::max({least_domains, simulation.domains / cheaper, fine.last_steps().domains});
+  const int enough = std::max({least_fine_domains, simulation.domains / cheaper, fine.last_steps().domains});
   simulation.domains = std::min(simulation.domains, enough);
   fine.simulate_by(simulation);
 }
@@ -125,6 +134,18 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, Eigen::VectorXd 
 
 void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit) {
   apply_fidelity_correction(coarse, fine.evaluate(fit.hypothesis, fit.z), fit);
+}
+
+void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
+                        const SolverOptions& options) {
+  apply_fidelity_correction(coarse, fine, fit);
+  for (int round = 0; round < most_rounds; ++round) {
+    auto next = minimize(coarse, fit.hypothesis, fit.z, options, &fit);
+    apply_fidelity_correction(coarse, fine, next);
+    const double gain = fit.squares - next.squares;
+    if (gain > 0) fit = std::move(next);
+    if (gain < std::max(last_gain, last_share * fit.squares)) break;
+  }
 }
 
 namespace {

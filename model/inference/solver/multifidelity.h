@@ -14,6 +14,8 @@ namespace ferrobench::model::inference {
 // A verdict does not notice a change of the sum of squares of this size, where 60 or more count as a
 // detection.
 inline constexpr double unnoticed_change = 12;
+// Nodes that a fine simulation has at least.
+inline constexpr int least_fine_domains = 1000;
 
 struct ConvergedFidelity {
   Eigen::VectorXd residual;  // by the fine simulation, at z
@@ -34,22 +36,35 @@ void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
 //     benches of the campaign. 250 domains differ by twenty where the noise is 0.01 % of the range, and with
 //     them the same effects came out best.
 //   last_steps_error: a sum over few domains has local minima of its own, which stop a fit's last steps.
-//   coarse_error_alone: without a correction the difference must be small beside the model error. On loops of
-//     a bulk ceramic at 800 V, 250 domains were 8 % of the range off where the model missed by 3 %, and the
-//     terms that were found explained the error of the sum.
-inline constexpr double coarse_error_if_corrected = 20, last_steps_error = 0.8, coarse_error_alone = 0.2;
-// Makes `fine` fine enough for the model at z, and `coarse` the cheapest simulation that differs from it by
-// no more than `coarse_error`; chooses what makes the last steps. Returns the fine one's own error, as above.
+//   coarse_error_beside_model_error: parameters move farther in a model that is wrong, and the correction
+//     changes more. On loops of a bulk ceramic at 800 V, 250 domains were 8 % of the range off where the
+//     model missed by 3 %; without a correction the terms that were found explained the error of the sum.
+inline constexpr double coarse_error_if_corrected = 20, last_steps_error = 0.8,
+                        coarse_error_beside_model_error = 1;
+// Makes `fine` fine enough for the model at z (converge_fine_fidelity) and chooses `coarse` by it
+// (choose_coarse_fidelity). Returns the fine one's own error.
 double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
                          const Eigen::VectorXd& z, int most_domains,
                          double coarse_error = coarse_error_if_corrected);
-// Root mean square of their difference at z.
+// Makes `coarse` the cheapest simulation whose residuals at z differ by no more than `coarse_error` from
+// `exact`, which the fine one gives there, and chooses what makes the fine one's last steps.
+void choose_coarse_fidelity(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Eigen::VectorXd& exact,
+                            const Hypothesis& hypothesis, const Eigen::VectorXd& z, double coarse_error);
+// Root mean square of the difference between the coarse residuals at z and `exact`.
+double coarse_error_at(const WhitenedResiduals& coarse, const Eigen::VectorXd& exact,
+                       const Hypothesis& hypothesis, const Eigen::VectorXd& z);
+// The same, where the fine simulation gives what is exact.
 double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,
                                 const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 
 // Makes the correction anew at the fit's z, where the fine simulation gives `exact`.
 void apply_fidelity_correction(const WhitenedResiduals& coarse, Eigen::VectorXd exact, Fit& fit);
 void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit);
+
+// Takes a fit to the minimum of the fine simulation with steps by the coarse one: the correction is made anew
+// where each solution ends, until that gains nothing. The fit's residual is the fine simulation's then.
+void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
+                        const SolverOptions& options);
 
 enum class LastSteps {
   cheap,  // by `last_steps` of the fine simulation

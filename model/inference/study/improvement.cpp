@@ -186,15 +186,13 @@ class Improver {
     if (out_.named) out_.rivals = std::move(rivals);
   }
 
-  // From where a search ended, to all training recordings, under the pasts that are likeliest
-  // for it. Empty where the model cannot be simulated in one of them: the search saw some.
+  // From where a search ended, to all training recordings, under the pasts that are likeliest for it. Empty
+  // where the model cannot be simulated in one of them: the search saw some.
   std::optional<Comparison> fit_to_all(HypothesisPoint& at) const {
     try {
       for (int i = 0; i < rounds_of_pasts; ++i) {
         if (!incumbent_.choose_pasts(at) && i > 0) break;
-        at.z = minimize(incumbent_.residuals(), at.hypothesis, at.z,
-                        incumbent_.solver(8, "fitting what the search found"))
-                   .z;
+        at = incumbent_.fitted(std::move(at), incumbent_.solver(8, "fitting what the search found"));
       }
       return incumbent_.weigh(at);
     } catch (const Error& failure) {

@@ -21,11 +21,21 @@ constexpr double most_lost = 0.02;
 constexpr int most_rounds_of_error = 8;
 constexpr double least_gain_of_round = 10;
 
+HypothesisPoint fitted_from(HypothesisPoint at, const WhitenedRecordings& coarse,
+                            const WhitenedRecordings& fine, const SolverOptions& options) {
+  Fit fit;
+  fit.hypothesis = std::move(at.hypothesis);
+  fit.z = std::move(at.z);
+  minimize_corrected(coarse, fine, fit, options);
+  return {std::move(fit.hypothesis), std::move(fit.z)};
+}
+
 }  // namespace
 
 Incumbent::Incumbent(const ImprovementTask& task, const Fit& base, Tick tick)
     : task_(task), tick_(std::move(tick)), noise_(*task.noise), at_{base.hypothesis, base.z}, fit_(base) {
   at_.hypothesis.reach = 1;
+  if (!noise_is_only_error()) simulation_.domains = std::min(simulation_.domains, least_fine_domains);
 }
 
 SolverOptions Incumbent::solver(int iterations, const std::string& stage) const {
@@ -87,12 +97,16 @@ HypothesisPoint Incumbent::fitted_beside_its_own_error(HypothesisPoint trial) co
     auto training = miss(trial, task_.train);
     if (log_likelihood_ratio_beside_error(errors, before, training, task_.train) < least_gain_of_round) break;
     estimate_errors(training, miss(trial, task_.held_out), errors);
-    const WhitenedRecordings residuals(*task_.bench, errors, task_.train, coarse_, task_.threads);
-    trial.z =
-        minimize(residuals, trial.hypothesis, trial.z, solver(12, "fitting beside the model's error")).z;
+    const WhitenedRecordings residuals(*task_.bench, errors, task_.train, coarse_, task_.threads),
+        fine(*task_.bench, errors, task_.train, simulation_, task_.threads);
+    trial = fitted_from(std::move(trial), residuals, fine, solver(12, "fitting beside the model's error"));
     before = std::move(training);
   }
   return trial;
+}
+
+HypothesisPoint Incumbent::fitted(HypothesisPoint at, const SolverOptions& options) const {
+  return fitted_from(std::move(at), *residuals_, *fine_, options);
 }
 
 bool Incumbent::is_gross(const HypothesisPoint& at) const {
@@ -135,17 +149,20 @@ void Incumbent::stand(HypothesisPoint at, Signals training, Signals held_out) {
   held_out_ = std::move(held_out);
   estimate_errors(training_, held_out_, noise_);
   material_ = is_error_material(*task_.bench, noise_, task_.train, task_.floor);
-  if (!noise_is_only_error()) weigh_rows();
-  fit_.fresh = false;  // its slopes are those of another hypothesis, or under other pasts
-  fit_ = minimize(residuals(), at_.hypothesis, at_.z, {.iterations = 0, .tick = {}},
-                  noise_is_only_error() ? &fit_ : nullptr);
-  if (!fit_.fresh) refresh_jacobian(residuals(), fit_);
+  fit_.fresh = false;
+  fit_.jacobian.resize(0, 0);  // it is that of another hypothesis, or under other pasts
+  if (!noise_is_only_error()) fit_.fidelity_correction = weigh_rows();
+  fit_ = minimize(residuals(), at_.hypothesis, at_.z, {.iterations = 0, .tick = {}}, &fit_);
 }
 
 Fit Incumbent::refitted() const {
-  auto out =
-      minimize(residuals(), at_.hypothesis, at_.z,
-               solver(12, noise_is_only_error() ? "refitting" : "fitting beside the model's error"), &fit_);
+  Fit out;
+  if (noise_is_only_error()) {
+    out = minimize(residuals(), at_.hypothesis, at_.z, solver(12, "refitting"), &fit_);
+  } else {
+    out = fit_;
+    minimize_corrected(*residuals_, *fine_, out, solver(12, "fitting beside the model's error"));
+  }
   if (!out.fresh) refresh_jacobian(residuals(), out);
   return out;
 }
@@ -155,16 +172,21 @@ void Incumbent::move(Fit to) {
   at_.z = fit_.z;
 }
 
-// The residuals beside the model's error, by a simulation that is fine enough where the model stands now.
-void Incumbent::weigh_rows() {
+// The residuals beside the model's error, by simulations that are fine enough where the model stands now.
+// Returns the fidelity correction there.
+Eigen::VectorXd Incumbent::weigh_rows() {
   const bool first = residuals_ == nullptr;
   residuals_ =
       std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
-  WhitenedRecordings fine(*task_.bench, noise_, task_.train, simulation_, task_.threads);
-  if (!first && difference_of_fidelities(*residuals_, fine, at_.hypothesis, at_.z) < coarse_error_alone)
-    return;
-  choose_fidelities(*residuals_, fine, at_.hypothesis, at_.z, simulation_.domains, coarse_error_alone);
-  coarse_ = residuals_->simulation();
+  fine_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, simulation_, task_.threads);
+  const auto exact = converge_fine_fidelity(*fine_, at_.hypothesis, at_.z, task_.simulation.domains).residual;
+  simulation_ = fine_->simulation();
+  if (first || coarse_error_at(*residuals_, exact, at_.hypothesis, at_.z) > coarse_error_beside_model_error) {
+    choose_coarse_fidelity(*residuals_, *fine_, exact, at_.hypothesis, at_.z,
+                           coarse_error_beside_model_error);
+    coarse_ = residuals_->simulation();
+  }
+  return exact - residuals_->evaluate(at_.hypothesis, at_.z);
 }
 
 // Whether it is kept.

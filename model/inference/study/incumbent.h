@@ -53,6 +53,8 @@ class Incumbent {
   // recordings; it may fail where the coarse simulation of the fits did not.
   std::optional<Comparison> weigh(const HypothesisPoint& next) const;
 
+  // Fits a model that need not be near the incumbent, beside the model's error.
+  HypothesisPoint fitted(HypothesisPoint at, const SolverOptions& options) const;
   // Fits a trial to its end with the model error that the trial itself leaves, not that of the incumbent.
   HypothesisPoint fitted_beside_its_own_error(HypothesisPoint trial) const;
   // Whether a model is wrong by much there.
@@ -80,13 +82,13 @@ class Incumbent {
   Fit refitted() const;
   bool refit();
   void move(Fit to);
-  void weigh_rows();
+  Eigen::VectorXd weigh_rows();
 
   const ImprovementTask& task_;
   Tick tick_;
   std::vector<std::vector<NoiseModel>> noise_;
   SimulationOptions simulation_ = task_.simulation, coarse_ = task_.simulation;
-  std::unique_ptr<WhitenedRecordings> residuals_;
+  std::unique_ptr<WhitenedRecordings> residuals_, fine_;  // beside the model's error; null by noise alone
   HypothesisPoint at_;
   Fit fit_;
   Signals training_, held_out_;

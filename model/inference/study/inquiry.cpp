@@ -13,7 +13,7 @@ namespace ferrobench::model::inference {
 namespace {
 
 // The fine simulation begins with these nodes, and ends with so many as make its error unnoticeable.
-constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = 1000, .shift = 7};
+constexpr SimulationOptions fine_simulation{.tolerance = 1e-5, .domains = least_fine_domains, .shift = 7};
 constexpr int most_domains = 16000;
 
 // Progress at which the recalibration of the base has ended, and at which the proof begins.
