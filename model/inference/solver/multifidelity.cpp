@@ -29,11 +29,6 @@ double root_mean_square(double squares, const WhitenedResiduals& residuals) {
 
 }  // namespace
 
-double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,
-                                const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
-  return coarse_error_at(coarse, fine.evaluate(hypothesis, z), hypothesis, z);
-}
-
 double coarse_error_at(const WhitenedResiduals& coarse, const Eigen::VectorXd& exact,
                        const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
   return root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), coarse);
@@ -136,14 +131,26 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedRe
   apply_fidelity_correction(coarse, fine.evaluate(fit.hypothesis, fit.z), fit);
 }
 
+namespace {
+
+// The next minimum of the coarse simulation, with the correction that the fit has. It takes the fit's place
+// if the fine simulation leaves less there; returns how much less.
+double advance_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
+                         const SolverOptions& options) {
+  auto next = minimize(coarse, fit.hypothesis, fit.z, options, &fit);
+  apply_fidelity_correction(coarse, fine, next);
+  const double gain = fit.squares - next.squares;
+  if (gain > 0) fit = std::move(next);
+  return gain;
+}
+
+}  // namespace
+
 void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
                         const SolverOptions& options) {
   apply_fidelity_correction(coarse, fine, fit);
   for (int round = 0; round < most_rounds; ++round) {
-    auto next = minimize(coarse, fit.hypothesis, fit.z, options, &fit);
-    apply_fidelity_correction(coarse, fine, next);
-    const double gain = fit.squares - next.squares;
-    if (gain > 0) fit = std::move(next);
+    const double gain = advance_corrected(coarse, fine, fit, options);
     if (gain < std::max(last_gain, last_share * fit.squares)) break;
   }
 }
@@ -186,9 +193,7 @@ void anchor_corrected(const WhitenedResiduals& coarse, WhitenedResiduals& fine, 
                       const std::function<void()>& tick) {
   fine.release();
   apply_fidelity_correction(coarse, fine, f);
-  auto next = minimize(coarse, f.hypothesis, f.z, {.iterations = 12, .enough = 1, .tick = tick}, &f);
-  apply_fidelity_correction(coarse, fine, next);
-  if (next.squares < f.squares) f = std::move(next);
+  advance_corrected(coarse, fine, f, {.iterations = 12, .enough = 1, .tick = tick});
   if (!f.fresh) refresh_jacobian(coarse, f);
   anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
 }

@@ -53,9 +53,6 @@ void choose_coarse_fidelity(WhitenedResiduals& coarse, WhitenedResiduals& fine, 
 // Root mean square of the difference between the coarse residuals at z and `exact`.
 double coarse_error_at(const WhitenedResiduals& coarse, const Eigen::VectorXd& exact,
                        const Hypothesis& hypothesis, const Eigen::VectorXd& z);
-// The same, where the fine simulation gives what is exact.
-double difference_of_fidelities(const WhitenedResiduals& coarse, const WhitenedResiduals& fine,
-                                const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 
 // Makes the correction anew at the fit's z, where the fine simulation gives `exact`.
 void apply_fidelity_correction(const WhitenedResiduals& coarse, Eigen::VectorXd exact, Fit& fit);
