@@ -25,47 +25,59 @@ recordings::Figure picture_of(const MissingSignal& signal) {
           .series = {std::move(s)}};
 }
 
+// One of a trace's curves. What was measured is grey, and a model has one colour in both pictures.
+recordings::Series measured_series() {
+  return {.label = "measured", .points = {}, .quiet = true};
+}
+recordings::Series before_series() {
+  return {.label = "before", .points = {}, .value = 0};
+}
+recordings::Series after_series() {
+  return {.label = "after", .points = {}, .value = 1};
+}
+
+recordings::Figure empty_figure(const Trace& t, const std::string& shown) {
+  return {.title = t.recording + (t.held_out ? ", locked away" : "") + ": " + t.segment + shown,
+          .x_label = "time [s]",
+          .y_label = picture_axis(t.channel).label,
+          .log_x = false,
+          .square = true,  // two beside each other
+          .series = {}};
+}
+
+// Adds `series` with the points `value(row)`, in SI.
+template <class Value>
+void add_series(recordings::Figure& figure, const Trace& t, recordings::Series series, const Value& value) {
+  const double scale = picture_axis(t.channel).scale;
+  for (std::size_t i = 0; i < t.time.size(); ++i) series.points.push_back({t.time[i], scale * value(i)});
+  figure.series.push_back(std::move(series));
+}
+
+recordings::Figure picture_of(const Trace& t, bool repaired) {
+  auto out = empty_figure(t, "");
+  add_series(out, t, measured_series(), [&](std::size_t i) { return t.measured[i]; });
+  add_series(out, t, before_series(), [&](std::size_t i) { return t.before[i]; });
+  if (repaired) add_series(out, t, after_series(), [&](std::size_t i) { return t.after[i]; });
+  return out;
+}
+
+// The miss itself, which the curves hide where they are close.
+recordings::Figure miss_of(const Trace& t, bool repaired) {
+  auto out = empty_figure(t, ": measured less model");
+  add_series(out, t, before_series(), [&](std::size_t i) { return t.measured[i] - t.before[i]; });
+  if (repaired) add_series(out, t, after_series(), [&](std::size_t i) { return t.measured[i] - t.after[i]; });
+  return out;
+}
+
 }  // namespace
 
 std::string pictures(const Discovery& d) {
   std::vector<recordings::Figure> figures;
   for (const auto& signal : d.signals) figures.push_back(picture_of(signal));
+  const bool repaired = !d.added.empty();
   for (const auto& t : d.traces) {
-    const auto axis = picture_axis(t.channel);
-    recordings::Figure f;
-    f.square = true;  // two beside each other
-    f.title = t.recording + (t.held_out ? ", locked away" : "") + ": " + t.segment;
-    f.x_label = "time [s]";
-    f.y_label = axis.label;
-    // What was measured is grey, and a model has one colour in both pictures.
-    const auto series = [&](const std::string& label, const std::vector<double>& values) {
-      recordings::Series s{.label = label, .points = {}};
-      s.quiet = label == "measured";
-      s.value = label == "after" ? 1 : 0;
-      for (std::size_t i = 0; i < values.size(); ++i) s.points.push_back({t.time[i], axis.scale * values[i]});
-      f.series.push_back(std::move(s));
-    };
-    series("measured", t.measured);
-    series("before", t.before);
-    const bool repaired = !d.added.empty();
-    if (repaired) series("after", t.after);
-    // The miss itself, which the curves hide where they are close.
-    recordings::Figure miss{.title = f.title + ": measured less model",
-                            .x_label = f.x_label,
-                            .y_label = f.y_label,
-                            .log_x = false,
-                            .square = true,
-                            .series = {}};
-    figures.push_back(std::move(f));
-    std::swap(f, miss);
-    const auto missed = [&](const std::string& label, const std::vector<double>& values) {
-      auto difference = t.measured;
-      for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= values[i];
-      series(label, difference);
-    };
-    missed("before", t.before);
-    if (repaired) missed("after", t.after);
-    figures.push_back(std::move(f));
+    figures.push_back(picture_of(t, repaired));
+    figures.push_back(miss_of(t, repaired));
   }
   for (const auto& effect : d.improved.effects)
     if (std::ranges::any_of(d.added, [&](const AddedTerm& a) {
