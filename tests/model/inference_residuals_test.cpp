@@ -18,7 +18,12 @@ Model sprung() {
   return m;
 }
 
-// A loop with a hold, with noise; without a command the drive is read from the measured field.
+// A loop with a hold.
+double command_at(double t) {
+  return t < 2 ? -0.9e6 * t : t < 5 ? -1.8e6 + 1.2e6 * (t - 2) : t < 6 ? 1.8e6 : 1.8e6 - 9e5 * (t - 6);
+}
+
+// The loop with noise; without a command the drive is read from the measured field.
 recordings::Recording record(const Model& m, bool with_command, protocols::PastKind past) {
   std::mt19937_64 random(4);
   std::normal_distribution<double> normal;
@@ -27,10 +32,7 @@ recordings::Recording record(const Model& m, bool with_command, protocols::PastK
   for (int i = 0; i <= 800; ++i) {
     const double t = 0.01 * i;
     r.time.push_back(t);
-    command.push_back(t < 2   ? -0.9e6 * t
-                      : t < 5 ? -1.8e6 + 1.2e6 * (t - 2)
-                      : t < 6 ? 1.8e6
-                              : 1.8e6 - 9e5 * (t - 6));
+    command.push_back(command_at(t));
   }
   r.header.past = {past};
   const auto t =
@@ -63,6 +65,41 @@ struct Residuals {
 };
 
 // Two programs of which one is everywhere 2.5e-5 of the range above the other.
+// Every thirtieth sample of a noise with a memory of six looks white; its level is that of all samples.
+TEST(EstimateNoise, OfThinnedRowsIsThatOfTheSamples) {
+  constexpr double interval = 1.4e-4, rows = 6, share = 0.8, level = 5e-8;
+  constexpr int samples = 57000;
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> normal;
+  recordings::Recording r;
+  std::vector<double> command;
+  for (int i = 0; i < samples; ++i) {
+    r.time.push_back(interval * i);
+    command.push_back(command_at(r.time.back()));
+  }
+  const auto m = sprung();
+  r.header.past = {protocols::PastKind::poled_plus};
+  auto t = simulate(m, r.time, command, {.tolerance = 1e-4, .domains = 250, .past = &r.header.past});
+  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                       m.actuator.layer_count};
+  r.header.load = {m.load.spring_stiffness, m.load.prestress};
+  r.set(Channel::command) = command;
+  const double kept = std::exp(-1 / rows);
+  double slow = normal(random);
+  for (double& v : t.displacement) {
+    slow = kept * slow + std::sqrt(1 - kept * kept) * normal(random);
+    v += level * (std::sqrt(share) * slow + std::sqrt(1 - share) * normal(random));
+  }
+  r.set(Channel::displacement) = std::move(t.displacement);
+  std::vector<std::string> warnings;
+  const auto bench = prepare_bench(m, {{"loop", std::move(r)}}, 1900, warnings);
+  ASSERT_LT(bench[0].time.size(), samples / 20);
+  const auto noise = estimate_noise(bench, warnings);
+  // As of recordings that are not thinned (NoiseColour).
+  EXPECT_NEAR(noise[0][0].std() / level, 1, 0.25);
+  EXPECT_NEAR(noise[0][0].correlation_time / (rows * interval), 1, 0.5);
+}
+
 TEST(SquaresBetweenPrograms, AreThoseOfAShareOfTheRange) {
   const Residuals r(true);
   double squares = 0;

@@ -38,6 +38,10 @@ void check_values(const std::string& name, const Recording& r) {
   }
 }
 
+// Quiet windows of a channel that are enough to know its noise: more than there are in what is compared
+// whole.
+constexpr std::size_t most_quiet_windows = 500;
+
 // Rows: all samples, or so many that those after each corner stay dense and the others are evenly thinned.
 std::vector<std::size_t> choose_rows(const Recording& r, const std::vector<double>& knots, std::size_t most) {
   const std::size_t n = r.size();
@@ -92,6 +96,7 @@ void add_channels(BenchRecording& out, const Recording& r, const std::vector<std
     m.channel = channel;
     m.range = high - low;
     m.scatter = recordings::estimate_noise(known);
+    m.quiet = {r.time, all, m.scatter, most_quiet_windows};
     m.zeroed =
         channel == Channel::charge && r.header.charge_reference == recordings::ChargeReference::first_sample;
     for (const std::size_t row : rows) m.value.push_back(std::isfinite(all[row]) ? all[row] : NAN);
@@ -225,6 +230,7 @@ std::vector<BenchRecording> prepare_bench(const Model& model, const std::vector<
     if (chosen.size() < r.size())
       warnings.push_back(name + ": " + std::to_string(chosen.size()) + " of " + std::to_string(r.size()) +
                          " samples took part, densest after each corner.");
+    b.sampling_interval = (r.time.back() - r.time.front()) / static_cast<double>(r.size() - 1);
     for (const std::size_t row : chosen) b.time.push_back(r.time[row] - r.time.front());
     add_channels(b, r, chosen, warnings);
     if (b.channels.empty())

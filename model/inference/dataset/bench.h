@@ -13,6 +13,7 @@
 #include "model/model.h"
 #include "model/sensitivities.h"
 #include "model/simulator.h"
+#include "recordings/analysis/noise_colour.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::model {
@@ -33,10 +34,11 @@ inline constexpr std::array<recordings::Channel, 4> compared_channels{
 
 struct MeasuredChannel {
   recordings::Channel channel = recordings::Channel::displacement;
-  std::vector<double> value;  // at the rows; NaN where nothing was measured
-  double range = 0;           // highest less lowest
-  double scatter = 0;         // standard deviation of white noise, of all samples (statistics.h)
-  bool zeroed = false;        // at the first sample
+  std::vector<double> value;         // at the rows; NaN where nothing was measured
+  double range = 0;                  // highest less lowest
+  double scatter = 0;                // standard deviation of white noise, of all samples (statistics.h)
+  recordings::QuietWindows quiet{};  // of all samples: rows may be too far apart to show the noise's colour
+  bool zeroed = false;               // at the first sample
 };
 
 struct BenchRecording {
@@ -52,6 +54,7 @@ struct BenchRecording {
   bool past_is_free = false;
   // With these errors of (levels, times of the inner knots).
   BenchRecording with_knots_moved(const Eigen::VectorXd& errors) const;
+  double sampling_interval = 0;             // s, the mean of all samples
   std::vector<double> time;                 // of the rows, s from the first sample
   std::vector<SegmentClass> segment_class;  // of the rows
   std::vector<MeasuredChannel> channels;

@@ -31,8 +31,7 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
   for (const auto channel : compared_channels) {
     std::vector<recordings::QuietWindows> quiet(bench.size());
     for (std::size_t r = 0; r < bench.size(); ++r)
-      if (const auto* m = bench[r].find(channel); m != nullptr && m->scatter > 0)
-        quiet[r] = {bench[r].time, m->value, m->scatter};
+      if (const auto* m = bench[r].find(channel); m != nullptr && m->scatter > 0) quiet[r] = m->quiet;
     recordings::keep_quiet(quiet);
     const auto pooled = recordings::colour_of(quiet);
     for (std::size_t r = 0; r < bench.size(); ++r) {
@@ -52,11 +51,10 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
           colour = {};
         }
         const double total = std::max(level, floor);
-        const auto& t = bench[r].time;
         auto& noise = out[r][c];
         noise.slow = total * std::sqrt(colour.slow_share);
         noise.white = total * std::sqrt(std::max(0.01, 1 - colour.slow_share));
-        noise.correlation_time = colour.rows * (t.back() - t.front()) / static_cast<double>(t.size() - 1);
+        noise.correlation_time = colour.rows * bench[r].sampling_interval;
       }
     }
   }
