@@ -116,11 +116,19 @@ bool Incumbent::is_gross(const HypothesisPoint& at) const {
 
 void Incumbent::settle(int rounds) {
   if (noise_is_only_error()) rounds = 1;  // there is no error to agree with
+  look();
   for (int i = 0; i < rounds; ++i) {
-    tick_("how wrong the model is");
-    stand(at_, miss(at_, task_.train), miss(at_, task_.held_out));
+    stand(at_, training_, held_out_);
     move(refitted());
+    look();
   }
+}
+
+// What is tried next is weighed against what the model misses where it stands, not before its last fit.
+void Incumbent::look() {
+  tick_("how wrong the model is");
+  training_ = miss(at_, task_.train);
+  held_out_ = miss(at_, task_.held_out);
 }
 
 void Incumbent::settle_at(HypothesisPoint next) {

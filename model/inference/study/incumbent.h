@@ -78,6 +78,7 @@ class Incumbent {
   Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
   void estimate_errors(Signals training, const Signals& held_out,
                        std::vector<std::vector<NoiseModel>>& errors) const;
+  void look();
   void stand(HypothesisPoint at, Signals training, Signals held_out);
   Fit refitted() const;
   bool refit();
