@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "model/inference/solver/bounded_quadratic.h"
@@ -134,10 +135,13 @@ Step best_step(const Fit& fit, const Curve& curve) {
   return out;
 }
 
-// Goes there if the sum of squares is less, and returns by how much it is or would have been.
+// Goes there if the sum of squares is less, and returns by how much it is or would have been; minus infinity
+// where the model cannot be solved.
 double try_step(const WhitenedResiduals& residuals, Fit& fit, const Step& step) {
   auto to = within(fit.hypothesis, fit.z + step.change);
-  auto residual = fit.corrected(residuals.evaluate(fit.hypothesis, to));
+  auto simulated = residuals.evaluate(fit.hypothesis, to);
+  if (WhitenedResiduals::is_unsolved(simulated)) return -std::numeric_limits<double>::infinity();
+  auto residual = fit.corrected(std::move(simulated));
   const double squares = residual.squaredNorm() + prior_squares(fit.hypothesis, to);
   const double gain = fit.squares - squares;
   if (gain > 0) {
