@@ -115,11 +115,9 @@ void hold_pasts(std::vector<BenchRecording>& bench, const std::vector<Past>& pas
 }
 
 void refine_pasts(const UnknownPasts& of, const Hypothesis& hypothesis, const Eigen::VectorXd& z) {
-  auto pasts = pasts_of(of.bench);
-  in_parallel(pasts.size(), of.threads, [&](std::size_t r) {
-    if (of.bench[r].past_is_free) pasts[r] = OneRecording(of, r, hypothesis, z).refined();
+  in_parallel(of.bench.size(), of.threads, [&](std::size_t r) {
+    if (of.bench[r].past_is_free) of.bench[r].header.past = OneRecording(of, r, hypothesis, z).refined();
   });
-  set_pasts(of, pasts);
 }
 
 std::vector<Past> pasts_of(const std::vector<BenchRecording>& bench) {
