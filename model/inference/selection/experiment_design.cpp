@@ -50,6 +50,16 @@ std::optional<BenchRecording> planned(const std::string& protocol, const BenchRe
   return out;
 }
 
+// Empty where the model cannot be solved under that program: it says nothing then.
+std::optional<std::vector<std::vector<double>>> simulated(const WhitenedRecordings& of_plan, const Fit& by) {
+  try {
+    return of_plan.simulated(by.hypothesis, by.z, 0);
+  } catch (const Error& failure) {
+    if (failure.code() != ErrorCode::numerical) throw;
+    return std::nullopt;
+  }
+}
+
 }  // namespace
 
 std::optional<NextExperiment> choose_experiment(const WhitenedRecordings& residuals,
@@ -72,10 +82,11 @@ std::optional<NextExperiment> choose_experiment(const WhitenedRecordings& residu
     const std::vector<std::vector<NoiseModel>> its_noise{noise[like]};
     const WhitenedRecordings of_plan(bench, its_noise, {0}, residuals.simulation(), residuals.threads());
     // Offsets are marginalized, so it does not matter that the simulated values have one of their own.
-    const auto expected = of_plan.simulated(a.hypothesis, a.z, 0);
+    const auto expected = simulated(of_plan, a);
+    if (!expected) continue;
     for (std::size_t c = 0; c < bench[0].channels.size(); ++c) {
       auto& m = bench[0].channels[c];
-      m.value = expected[c];
+      m.value = (*expected)[c];
       const auto [least, largest] = std::ranges::minmax(m.value);
       m.range = std::max(m.range, largest - least);
     }
@@ -85,7 +96,7 @@ std::optional<NextExperiment> choose_experiment(const WhitenedRecordings& residu
           .residual = seen.evaluate(b.hypothesis, b.z),
           .fidelity_correction = {},
           .jacobian = {}};
-    refresh_jacobian(seen, f);
+    if (WhitenedResiduals::is_unsolved(f.residual) || !refresh_jacobian(seen, f)) continue;
     const Eigen::VectorXd pull = f.jacobian.transpose() * f.residual;
     const Eigen::MatrixXd information = known + f.jacobian.transpose() * f.jacobian;
     const double evidence = f.residual.squaredNorm() - pull.dot(information.ldlt().solve(pull));
