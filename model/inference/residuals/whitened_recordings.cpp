@@ -6,6 +6,7 @@
 
 #include "model/inference/common/parallel.h"
 #include "model/inference/observation/tones.h"
+#include "model/past.h"
 
 namespace ferrobench::model::inference {
 namespace {
@@ -126,14 +127,20 @@ std::vector<std::vector<std::vector<double>>> WhitenedRecordings::channels(
   for (const auto* setting : alike) models.push_back(setting->model);
   SimulationStatistics statistics;
   auto out = simulate_bench(models, at, bounded(recording), &statistics);
-  if (reference_steps_[recording] == 0) reference_steps_[recording] = statistics.tried;
+  if (reference_steps_[recording] == 0)
+    reference_steps_[recording] = statistics.tried / pieces(recording) + 1;
   return out;
+}
+
+std::uint64_t WhitenedRecordings::pieces(std::size_t recording) const {
+  const auto& r = bench_[recording];
+  return r.knot_time.size() + past_pieces(&r.header.past, r.knot_time.size());
 }
 
 SimulationOptions WhitenedRecordings::bounded(std::size_t recording) const {
   auto options = simulation();
   if (const std::uint64_t reference = reference_steps_[recording]; reference > 0)
-    options.most_steps = few_steps + dearer_at_most * reference;
+    options.most_steps = few_steps + dearer_at_most * reference * pieces(recording);
   return options;
 }
 

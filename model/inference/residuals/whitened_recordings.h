@@ -85,6 +85,8 @@ class WhitenedRecordings final : public WhitenedResiduals {
                                                   const BenchRecording& at,
                                                   std::span<const std::string> numbers,
                                                   const DriveDirections& directions) const;
+  // Of the field that a simulation of the recording plays, its past included.
+  std::uint64_t pieces(std::size_t recording) const;
   // What a simulation of the recording may cost.
   SimulationOptions bounded(std::size_t recording) const;
   static double gain_of(const Setting& setting, recordings::Channel channel);
@@ -109,7 +111,7 @@ class WhitenedRecordings final : public WhitenedResiduals {
   std::vector<DriveMarginal> drive_marginals_;  // by position in chosen_, or none
   std::vector<Prepared> prepared_;
   std::vector<std::pair<std::size_t, std::size_t>> blocks_of_;  // by position in chosen_: first, past last
-  // By recording of the bench: steps that its first simulation took, which bounds all others.
+  // By recording of the bench: steps a piece that its first simulation took, which bounds all others.
   mutable std::vector<std::atomic<std::uint64_t>> reference_steps_;
 };
 
