@@ -118,13 +118,19 @@ WhitenedRecordings Inquiry::held_out_residuals(const SimulationOptions& simulati
   return {s_.bench, s_.noise, s_.held_out, simulation, s_.threads};
 }
 
-// What the recalibrated base and the best explanation leave of the held-out recordings, above the noise.
-// Pasts are those that stand, for it as for the base.
+// What the recalibrated base and the best explanation leave of the held-out recordings, above the noise, in
+// the squares that the fits are made by: whitened, as they stand beside what the explanation takes of the
+// training recordings. Pasts are those that stand, for it as for the base.
 ExcessTaken Inquiry::held_out_excess(const WorkflowResult& found) const {
   if (s_.held_out.empty()) return {};
-  const auto fine = held_out_residuals(fine_.simulation()), coarse = held_out_residuals(coarse_.simulation());
+  auto held_out = held_out_residuals(fine_.simulation());
+  held_out.marginalize_drive(found.base.hypothesis, found.base.z);
   const auto excess = [&](const Fit& f) {
-    return excess_squares(predict(fine, coarse, f.hypothesis, f.z).standardized);
+    const auto residual = held_out.evaluate(f.hypothesis, f.z);
+    double out = 0;
+    for (const auto& b : held_out.blocks())
+      out += std::max(0.0, residual.segment(b.begin, b.count).squaredNorm() - static_cast<double>(b.count));
+    return out;
   };
   return {excess(found.base), excess(found.best->fit)};
 }
