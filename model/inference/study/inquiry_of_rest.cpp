@@ -109,9 +109,9 @@ bool Inquiry::name_a_second_effect() {
   return true;
 }
 
-// Of the residual and the priors, by noise alone.
+// Of the residual and the priors, by noise alone and the fine simulation, as those of a fit are.
 double Inquiry::squares_at(const Improvement& narrowed) const {
-  return coarse_.evaluate(narrowed.hypothesis, narrowed.z).squaredNorm() +
+  return fine_.evaluate(narrowed.hypothesis, narrowed.z).squaredNorm() +
          prior_squares(narrowed.hypothesis, narrowed.z);
 }
 
