@@ -39,10 +39,10 @@ Discovery discover(const Model& base, std::vector<NamedRecording> recordings,
   for (auto& r : recordings) {
     const auto& h = r.recording.header;
     s.out.asked.sources.push_back({r.name, h.title, h.entry_identifier, h.start_time});
-    ferrobench::recordings::remove_skew(r.recording);
   }
   s.tick("choosing the specimen's past", 0.005);
   choose_unknown_pasts(base, recordings, s);
+  for (auto& r : recordings) ferrobench::recordings::remove_skew(r.recording);
   s.bench = prepare_bench(base, recordings, rows_together, s.out.health.warnings, s.watched({}).stop);
   recordings.clear();
   s.noise = estimate_noise(s.bench, s.out.health.warnings);
