@@ -200,8 +200,9 @@ WorkflowResult run_workflow(const WhitenedResiduals& coarse, WhitenedResiduals& 
     is_final = true;
   };
   double begun = 0.3;
+  std::vector<Trial> known;  // of the searches before, one of which may have ended before it tried them
   for (std::size_t again = 0; again <= selection.base_restarts;) {
-    const auto known = std::move(out.forward.trials);
+    if (!out.forward.trials.empty()) known = std::move(out.forward.trials);
     out.forward = select_forward(
         coarse, fine, out.base,
         {.candidates = options.candidates,
