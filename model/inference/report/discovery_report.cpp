@@ -338,7 +338,7 @@ recordings::Table detectable_table(const Discovery& d) {
 std::vector<recordings::Table> cell_tables(const Discovery& d) {
   std::vector<recordings::Table> out;
   for (const auto& c : d.cells) {
-    const std::string key = "table_" + c.table;
+    const std::string key = "table_" + c.table + "_" + c.published.quantity;
     if (out.empty() || out.back().key != key) {
       auto& t = out.emplace_back();
       t.key = key;

@@ -81,6 +81,7 @@ double log_likelihood_ratio_beside_error(const WhitenedRecordings& residuals,
                                          const Fit& with) {
   double out = prior_squares(before.hypothesis, before.z) - prior_squares(with.hypothesis, with.z);
   for (const auto& b : residuals.blocks()) {
+    if (b.count == 0) continue;
     const double n = static_cast<double>(b.count) / noise[b.recording][b.channel].rows_as_one;
     out += n * std::log(before.residual.segment(b.begin, b.count).squaredNorm() /
                         with.residual.segment(b.begin, b.count).squaredNorm());
