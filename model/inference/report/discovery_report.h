@@ -10,7 +10,7 @@
 namespace ferrobench::model {
 
 // The findings in the order of the report, one sentence or two each: verdict, places, proof, alternatives,
-// what else moved, health.
+// what else moved.
 std::vector<std::string> findings(const Discovery& discovery);
 // As text for a terminal.
 std::string text_report(const Discovery& discovery);

@@ -60,7 +60,7 @@ std::vector<Eigen::VectorXd> WhitenedResiduals::evaluate(
       out[p].setConstant(unsolvable);
       continue;
     }
-    Wanted wanted{p, *std::move(setting), &out[p]};
+    Wanted wanted{*std::move(setting), &out[p]};
     auto feels = places.size() > 1 ? felt(wanted.setting) : nlohmann::json();
     const auto group = static_cast<std::size_t>(std::ranges::find(felt_by, feels) - felt_by.begin());
     if (group == groups.size()) {

@@ -78,7 +78,6 @@ class WhitenedResiduals {
   // What is simulated one by one, the dearest first.
   virtual std::vector<std::size_t> parts() const = 0;
   struct Wanted {
-    std::size_t place = 0;
     Setting setting;
     Eigen::VectorXd* residual = nullptr;
   };

@@ -61,7 +61,7 @@ class GlobalStart {
   double squares_ = std::numeric_limits<double>::infinity();
 };
 
-// That a call of advance() makes at most.
+// That a call of advance() makes at most where parameters are eliminated; twice as many where none is.
 int most_simulations_of_half_a_search();
 
 }  // namespace ferrobench::model

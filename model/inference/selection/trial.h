@@ -25,7 +25,7 @@ struct Trial {
 // What forward selection found.
 struct ForwardSelection {
   std::vector<Screened> screened;  // around the base fit
-  std::vector<Trial> trials;       // best first: sufficient ones before the others
+  std::vector<Trial> trials;       // best first, by the difference of BIC
   bool detected = false;
   double excess = 0;  // of the base fit's mean squares over 1
   double left = 0;    // if nothing was detected: the drop that functions of the signals would still bring
