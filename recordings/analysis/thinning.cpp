@@ -48,6 +48,18 @@ class Cone {
   Vector right_{}, left_{};
 };
 
+std::vector<std::size_t> cut(std::span<const double> time, std::size_t rows, double duration) {
+  std::vector<std::size_t> begins;
+  const auto pause_before = [&](std::size_t i) {
+    return i > 0 && i < time.size() && time[i] - time[i - 1] > duration;
+  };
+  for (std::size_t i = 0; i < time.size(); ++i)
+    if (i == 0 || i - begins.back() >= rows || time[i] - time[begins.back()] > duration ||
+        pause_before(i - 1) || pause_before(i + 1))
+      begins.push_back(i);
+  return begins;
+}
+
 }  // namespace
 
 std::vector<std::size_t> thin(std::span<const double> x, std::span<const double> y, double x_unit,
@@ -89,6 +101,16 @@ Thinned thin_to(std::span<const double> x, std::span<const double> y, double x_u
     out.kept = thin(x, y, x_unit, y_unit, out.error);
   }
   return out;
+}
+
+std::vector<std::size_t> stretches(std::span<const double> time, std::size_t most) {
+  if (time.empty()) return {};
+  for (auto shares = most; shares > 1; shares -= (shares + 3) / 4) {
+    auto begins = cut(time, (time.size() + shares - 1) / shares,
+                      (time.back() - time.front()) / static_cast<double>(shares));
+    if (begins.size() <= most) return begins;
+  }
+  return {0};
 }
 
 }  // namespace ferrobench::recordings

@@ -24,4 +24,9 @@ struct Thinned {
 Thinned thin_to(std::span<const double> x, std::span<const double> y, double x_unit, double y_unit,
                 double error, std::size_t most);
 
+// The first rows of at most `most` stretches of rows, for a picture against time. No stretch is longer than a
+// share of the rows or a share of the duration, and a row beside a longer pause stands alone: so a hold with
+// few rows and a ramp with many are each drawn where they were. The shares are the smallest that do.
+std::vector<std::size_t> stretches(std::span<const double> time, std::size_t most);
+
 }  // namespace ferrobench::recordings

@@ -214,9 +214,9 @@ void add_small_signal(const std::vector<SmallSignalPoint>& points, std::vector<F
 std::vector<std::array<double, 2>> band(const std::vector<double>& x, const std::vector<double>& y,
                                         std::size_t pieces) {
   std::vector<std::array<double, 2>> out;
-  const std::size_t step = std::max<std::size_t>(1, x.size() / pieces);
-  for (std::size_t first = 0; first < x.size(); first += step) {
-    const auto last = std::min(first + step, x.size());
+  const auto begins = stretches(x, pieces);
+  for (std::size_t k = 0; k < begins.size(); ++k) {
+    const auto first = begins[k], last = k + 1 < begins.size() ? begins[k + 1] : x.size();
     std::set<std::size_t> kept;
     for (const auto* values : {&x, &y}) {
       std::size_t low = last, high = last;

@@ -14,8 +14,8 @@ namespace ferrobench::recordings {
 
 std::vector<Figure> make_figures(const Analysis& analysis);
 
-// The points of y against x, which rises, thinned to the extremes of each of `pieces` stretches of equally
-// many samples: what a picture that many pixels wide can show.
+// The points of y against x, which rises, thinned to the ends and extremes of at most `pieces` stretches
+// (thinning.h): what a picture that many pixels wide can show.
 std::vector<std::array<double, 2>> band(const std::vector<double>& x, const std::vector<double>& y,
                                         std::size_t pieces);
 

@@ -1,7 +1,9 @@
 #include "server/engine/live.h"
 
+#include <algorithm>
 #include <cmath>
 
+#include "recordings/analysis/thinning.h"
 #include "recordings/format/iso_time.h"
 #include "server/rpc/schemas.h"
 
@@ -11,7 +13,14 @@ using nlohmann::json;
 
 namespace {
 
-constexpr std::size_t bins_per_block = 20;
+// A block of a run in real time is some 12 ms. One of a fast run is seconds or hours, of which a picture
+// shows more.
+std::size_t bins_of(const recordings::Rows& rows) {
+  constexpr double at_least = 20, per_second = 1000;
+  if (rows.time.empty()) return max_bins;
+  const double wanted = per_second * (rows.time.back() - rows.time.front());
+  return static_cast<std::size_t>(std::clamp(wanted, at_least, static_cast<double>(max_bins)));
+}
 
 // JSON has no NaN: a stretch without a value is null.
 json value(double v) {
@@ -24,10 +33,13 @@ json pick(std::string_view part, const json& a, const json& b) {
   return (a.get<double>() < b.get<double>()) == (part == "max") ? b : a;
 }
 
-json joined(std::string_view part, const json& values) {
+json joined(std::string_view part, const json& values, const std::vector<std::size_t>& begins) {
   json out = json::array();
-  for (std::size_t i = 0; i < values.size(); i += 2)
-    out.push_back(i + 1 < values.size() ? pick(part, values[i], values[i + 1]) : values[i]);
+  for (std::size_t k = 0; k < begins.size(); ++k) {
+    const auto end = k + 1 < begins.size() ? begins[k + 1] : values.size();
+    out.push_back(values[begins[k]]);
+    for (auto i = begins[k] + 1; i < end; ++i) out.back() = pick(part, out.back(), values[i]);
+  }
   return out;
 }
 
@@ -46,21 +58,21 @@ Topic samples_topic() {
 }
 
 json decimate(const recordings::Rows& rows, std::size_t bins) {
-  const std::size_t count = rows.time.size();
-  const std::size_t width = (count + bins - 1) / std::max<std::size_t>(bins, 1);
+  const auto begins = recordings::stretches(rows.time, bins);
   json columns{{"time", json::array()}};
-  for (std::size_t begin = 0; begin < count; begin += width) columns["time"].push_back(rows.time[begin]);
+  for (const auto begin : begins) columns["time"].push_back(rows.time[begin]);
   for (const auto channel : recordings::all_channels) {
     const auto values = rows.channels.at(static_cast<std::size_t>(channel));
     if (values.empty()) continue;
     json first = json::array(), min = json::array(), max = json::array();
-    for (std::size_t begin = 0; begin < count; begin += width) {
+    for (std::size_t k = 0; k < begins.size(); ++k) {
+      const auto end = k + 1 < begins.size() ? begins[k + 1] : values.size();
       double low = NAN, high = NAN;
-      for (const double v : values.subspan(begin, std::min(width, count - begin))) {
+      for (const double v : values.subspan(begins[k], end - begins[k])) {
         low = std::fmin(low, v);
         high = std::fmax(high, v);
       }
-      first.push_back(value(values[begin]));
+      first.push_back(value(values[begins[k]]));
       min.push_back(value(low));
       max.push_back(value(high));
     }
@@ -84,14 +96,15 @@ void merge_samples(json& held, const json& next) {
       for (const auto& [part, values] : column.items()) append(columns[name][part], values);
     }
   }
-  while (columns["time"].size() > max_bins)
-    for (auto& column : columns) {
-      if (column.is_array()) {
-        column = joined("first", column);
-      } else {
-        for (const auto& [part, values] : column.items()) column[part] = joined(part, values);
-      }
+  if (columns["time"].size() <= max_bins) return;
+  const auto begins = recordings::stretches(columns["time"].get<std::vector<double>>(), max_bins / 2);
+  for (auto& column : columns) {
+    if (column.is_array()) {
+      column = joined("first", column, begins);
+    } else {
+      for (const auto& [part, values] : column.items()) column[part] = joined(part, values, begins);
     }
+  }
 }
 
 void LiveStream::add(const recordings::Rows& rows) {
@@ -99,7 +112,7 @@ void LiveStream::add(const recordings::Rows& rows) {
     held_ = nullptr;
     return;
   }
-  json next{{"run", run_}, {"measured", recordings::iso_now()}, {"columns", decimate(rows, bins_per_block)}};
+  json next{{"run", run_}, {"measured", recordings::iso_now()}, {"columns", decimate(rows, bins_of(rows))}};
   if (held_.is_null()) {
     held_ = std::move(next);
   } else {

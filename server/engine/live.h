@@ -4,8 +4,8 @@
 // The topic "samples": {run, measured, columns: {time: [..], command: {first: [..], min: [..], max: [..]},
 // ..}}, SI units; a time is that of the first row of its stretch. `measured` is the moment of the last row by
 // this machine's clock, as it was seen in the journal: late by the 12 ms between two looks at most, unless
-// the disk or the machine is slow. Messages merge by joining their stretches, and neighbours are joined where
-// there would be more than max_bins.
+// the disk or the machine is slow. Messages merge by joining their stretches; where there would be more than
+// max_bins, neighbours are joined by the rule of thinning.h.
 #pragma once
 
 #include <chrono>
@@ -21,7 +21,7 @@ namespace ferrobench::server {
 inline constexpr std::size_t max_bins = 200;
 
 Topic samples_topic();
-// At most `bins` stretches of equally many rows.
+// At most `bins` stretches (thinning.h).
 nlohmann::json decimate(const recordings::Rows& rows, std::size_t bins);
 void merge_samples(nlohmann::json& held, const nlohmann::json& next);
 

@@ -1,15 +1,11 @@
 // What the run under way has measured so far, thinned so that an hour costs no more than a minute.
 import { Chart, TimeGroup, colour } from "./chart.js";
 import { byId, element, number, shownChannels, timeAxis } from "./dom.js";
+import { thinned } from "./thinning.js";
 
 const most = 2000; // points: a picture is some 600 pixels wide
 const channels = ["command", "field", "charge", "displacement", "force"];
 const parts = ["first", "min", "max"];
-
-// Two neighbours become one: lowest and highest of both, first of the first.
-const joined = (values, pick) => values.filter((_, i) => i % 2 === 0).map((v, i) => pick(v, values[2 * i + 1] ?? v));
-const either = (pick) => (a, b) => (a === null || b === null ? a ?? b : pick(a, b)); // null: nothing was measured
-const joins = { first: (a) => a, min: either(Math.min), max: either(Math.max) };
 
 const line = () => colour("--line");
 
@@ -207,15 +203,8 @@ export class Live {
       const column = (this.#columns[name] ??= { first: [], min: [], max: [] });
       for (const part of parts) column[part].push(...columns[name][part]);
     }
-    if (this.#columns.time.length > most) this.#thin();
-  }
-
-  #thin() {
-    const thinned = { time: joined(this.#columns.time, joins.first) };
-    for (const name of channels)
-      if (this.#columns[name])
-        thinned[name] = Object.fromEntries(parts.map((part) => [part, joined(this.#columns[name][part], joins[part])]));
-    this.#columns = thinned;
+    if (this.#columns.time.length <= most) return;
+    this.#columns = thinned(this.#columns, most / 2);
     this.#shown = 0;
   }
 

@@ -10,6 +10,7 @@
 #include "recordings/analysis/parts.h"
 #include "recordings/reports/figures.h"
 #include "tests/recordings/sample.h"
+#include "tests/recordings/uneven_rows.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -113,6 +114,41 @@ Recording sweep() {
     time += samples * 1e-3;
   }
   return r;
+}
+
+TEST(Figures, RowsUnevenlySpacedAreDrawnWhereTheyAre) {
+  const testing::UnevenRows rows;
+  constexpr std::size_t pieces = 1200;
+  const auto points = band(rows.time, rows.field, pieces);
+  EXPECT_LE(points.size(), 4 * pieces);
+  const double pixel = rows.time.back() / pieces;
+  for (std::size_t k = 0; k + 1 < points.size(); ++k)
+    for (double t = points[k][0]; t < points[k + 1][0]; t += pixel / 4) {
+      const double share = (t - points[k][0]) / (points[k + 1][0] - points[k][0]);
+      const double drawn = points[k][1] + share * (points[k + 1][1] - points[k][1]);
+      const double level = rows.level_at(t, 2 * pixel);
+      ASSERT_TRUE(std::isnan(level) || std::abs(drawn - level) < 1e-9) << drawn << " at " << t << " s";
+    }
+}
+
+TEST(Thinning, StretchesAreAsManyAsAskedForWhereRowsAreEven) {
+  std::vector<double> time;
+  for (int i = 0; i < 100'000; ++i) time.push_back(1e-4 * i);
+  for (const std::size_t most : {1u, 7u, 1000u}) EXPECT_EQ(stretches(time, most).size(), most);
+  EXPECT_EQ(stretches(time, 200'000).size(), time.size());
+  EXPECT_TRUE(stretches({}, 10).empty());
+}
+
+TEST(Thinning, NoTimesMakeMoreStretchesThanAskedFor) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> decades(-6, 3);
+  for (int k = 0; k < 50; ++k) {
+    std::vector<double> time{0};
+    for (int i = 1; i < 3000; ++i) time.push_back(time.back() + std::pow(10, decades(random)));
+    EXPECT_LE(stretches(time, 100).size(), 100u);
+    std::ranges::shuffle(time, random);  // of a file that is none of ours
+    EXPECT_LE(stretches(time, 100).size(), 100u);
+  }
 }
 
 TEST(Figures, ALoopOfASweepIsDrawnCycleByCycleAndSmooth) {

@@ -8,6 +8,7 @@
 #include "server/bench/recorder.h"
 #include "server/engine/live.h"
 #include "server/methods/methods.h"
+#include "tests/recordings/uneven_rows.h"
 
 namespace ferrobench::server {
 namespace {
@@ -341,6 +342,47 @@ TEST(Live, MergingKeepsExtremesAndStaysSmall) {
   EXPECT_EQ(columns["time"][0], 0);
   EXPECT_EQ(columns["field"]["first"][0], 0);
   EXPECT_EQ(held["measured"], "4900") << "that of the newest";
+}
+
+// What is drawn of {time, field: {min, max}}: a band from stretch to stretch. It may be wide within `beside`
+// of a ramp alone.
+void expect_level_holds(const json& columns, const recordings::testing::UnevenRows& rows, double beside) {
+  const auto at = [&](std::size_t k) { return columns["time"][k].get<double>(); };
+  for (std::size_t k = 0; k + 1 < columns["time"].size(); ++k)
+    for (double t = at(k); t < at(k + 1); t += beside / 4) {
+      const double share = (t - at(k)) / (at(k + 1) - at(k));
+      const double level = rows.level_at(t, beside);
+      for (const auto* part : {"min", "max"}) {
+        const auto& edge = columns["field"][part];
+        const double drawn = std::lerp(edge[k].get<double>(), edge[k + 1].get<double>(), share);
+        ASSERT_TRUE(std::isnan(level) || std::abs(drawn - level) < 1e-9) << drawn << " at " << t << " s";
+      }
+    }
+}
+
+TEST(Live, RowsUnevenlySpacedAreDrawnWhereTheyAre) {
+  const recordings::testing::UnevenRows all;
+  const auto rows_at = [&](std::size_t first, std::size_t count) {
+    count = std::min(count, all.time.size() - first);
+    recordings::Rows rows{.time = std::span(all.time).subspan(first, count), .channels = {}, .counts = {}};
+    rows.channels[static_cast<std::size_t>(Channel::field)] = std::span(all.field).subspan(first, count);
+    return rows;
+  };
+  const double duration = all.time.back();
+  const auto whole = decimate(rows_at(0, all.time.size()), 2000);
+  EXPECT_LE(whole["time"].size(), 2000u);
+  expect_level_holds(whole, all, 2 * duration / 1000);
+  json held;
+  for (std::size_t first = 0; first < all.time.size(); first += 50) {
+    json next{{"run", "r"}, {"measured", ""}, {"columns", decimate(rows_at(first, 50), max_bins)}};
+    if (held.is_null()) {
+      held = next;
+    } else {
+      merge_samples(held, next);
+    }
+  }
+  EXPECT_LE(held["columns"]["time"].size(), max_bins);
+  expect_level_holds(held["columns"], all, 4 * duration / max_bins);
 }
 
 TEST(Live, BlocksFasterThanThePaceAreShownAtIt) {
