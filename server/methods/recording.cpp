@@ -2,6 +2,7 @@
 
 #include "base/fields.h"
 #include "recordings/analysis/difference.h"
+#include "recordings/analysis/thinning.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/exchange/export.h"
 #include "recordings/file/reader.h"
@@ -207,6 +208,8 @@ json columns_of(Engine& engine, const ReadParams& p) {
           std::span(recording.at(channel)).subspan(first, rows);
   auto out = decimate(part, static_cast<std::size_t>(p.max_points));
   out["rows"] = rows;
+  for (const auto begin : recordings::stretches(part.time, static_cast<std::size_t>(p.max_points)))
+    out["row"].push_back(first + begin);
   out["segments"] = segment_rows(recording);
   return out;
 }

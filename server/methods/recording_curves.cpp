@@ -158,6 +158,7 @@ json curves_schema() {
                                       {"frequency_Hz", number("Hz", "one over the cycle's duration")},
                                       {"x", points},
                                       {"y", points}}));
+  out["properties"]["row"] = list_of(whole(), "of the recording, with which each stretch begins");
   out["properties"]["axes"] = list_of(text());
   out["properties"]["chord_error"] =
       number("", "how far points that were left out lie beside the line, as a share of the axes' ranges");

@@ -15,6 +15,7 @@ import { Recordings } from "./recordings.js";
 import { startRouter } from "./router.js";
 import { Rpc } from "./rpc.js";
 import { RunPanel } from "./run.js";
+import { readerOf } from "./traces.js";
 
 const hasPlots = await loadPlots();
 const rpc = new Rpc(connectionChanged);
@@ -99,7 +100,7 @@ async function finished(status) {
     const name = status.recording;
     const [info, columns] = await Promise.all([rpc.call("recording.info", { name }), rpc.call("recording.read", { name, max_points: 3000 })]);
     live.charts.setSpecimen(info.specimen);
-    live.show(status.run, columns);
+    live.show(status.run, columns, readerOf(rpc, name));
     await drawLoops(rpc, name, live.charts, columns, () => live.run === status.run);
     byId("live").dataset.recorded = name;
   } catch (error) {

@@ -1,5 +1,5 @@
 // One chart: uPlot draws axes and the drag rectangle, the curves are drawn here, as loops go back and forth.
-import { element, number } from "./dom.js";
+import { between, digitsOf, element, number } from "./dom.js";
 
 const folder = "/node_modules/uplot/dist";
 let uPlot = null;
@@ -63,7 +63,7 @@ function scaled(column, factor) {
 }
 
 // The index of the last value of a rising column that is not above x.
-function indexAt(column, x) {
+export function indexAt(column, x) {
   let from = 0;
   let to = column.length;
   while (from < to) {
@@ -142,7 +142,7 @@ export class Chart {
         bind: { dblclick: () => () => this.zoomTo(null, null) },
       },
       scales: { x: { time: false, auto: false, range: asTold, distr: log ? 3 : 1 }, y: { auto: false, range: asTold } },
-      axes: [{ ...axis(label(x), 22), ...(log ? { splits: decades } : {}) }, axis(height < 180 ? y.unit : label(y), 58)],
+      axes: [{ ...axis(label(x), 22), ...(log ? { splits: decades } : {}) }, { ...axis(height < 180 ? y.unit : label(y), 58), space: height < 180 ? 18 : 30 }],
       series: [{}, { paths: () => null, points: { show: false } }],
       hooks: { draw: [(u) => this.#draw(u)], setSelect: [(u) => this.#selected(u)], setCursor: [(u) => this.#pointed(u)] },
     }, [[0, 1], [0, 1]], this.#frame);
@@ -162,7 +162,8 @@ export class Chart {
     this.u.over.addEventListener("mouseup", (event) => {
       const moved = from ? Math.hypot(event.offsetX - from[0], event.offsetY - from[1]) : Infinity;
       from = null;
-      if (moved < 4 && event.button === 0) group.click(this.u.posToVal(event.offsetX, "x"), event.shiftKey);
+      const x = this.u.posToVal(event.offsetX, "x");
+      if (moved < 4 && event.button === 0) group.click(Number(x.toPrecision(this.#digits(x))), event.shiftKey);
     }, true);
   }
 
@@ -196,7 +197,7 @@ export class Chart {
 
   #name() {
     const named = this.curves.filter((c) => c.name);
-    this.#legend.replaceChildren(...(named.length > 1 || this.options.legend ? this.#keys(named) : []));
+    this.#legend.replaceChildren(...(this.options.legend ?? named.length > 1 ? this.#keys(named) : []));
   }
 
   // Of many in order the first and the last tell the scale.
@@ -279,11 +280,16 @@ export class Chart {
     if (!this.#pointer) this.#reading.textContent = this.range;
   }
 
-  // The values of a curve at x, in the units shown.
-  at(x, curve = this.curves[0]) {
-    if (!curve?.x.length || !(x >= curve.x[0])) return NaN;
-    const i = indexAt(curve.x, x);
-    return (curve.low[i] + curve.high[i]) / 2;
+  // What the values of a curve lie between at x, in the units shown; null outside of it.
+  #at(x, { x: xs, low, high }) {
+    if (!(x >= xs[0] && x <= xs.at(-1))) return null;
+    const i = indexAt(xs, x);
+    return [low[i], high[i]];
+  }
+
+  // Of an x that someone points at: neighbouring pixels are told apart.
+  #digits(x) {
+    return digitsOf([x, x + (this.u.scales.x.max - this.u.scales.x.min) / this.u.over.clientWidth]) - 1;
   }
 
   #pointed(u) {
@@ -292,8 +298,10 @@ export class Chart {
     this.#pointer = left >= 0 ? left : null;
     if (this.#pointer === null) return (this.#reading.textContent = this.range ?? "");
     const at = u.posToVal(left, "x");
-    const value = loop ? u.posToVal(top, "y") : this.at(at);
-    this.#reading.textContent = `${number(value)} ${y.unit} at ${number(at)} ${x.unit}`;
+    const several = this.curves.length > 1;
+    const values = loop ? number(u.posToVal(top, "y"))
+      : this.curves.map((c) => (several ? `${c.name}: ` : "") + between(this.#at(at, c))).join("; ");
+    this.#reading.textContent = `${values} ${y.unit} at ${number(at, this.#digits(at))} ${x.unit}`;
   }
 
   #selected(u) {

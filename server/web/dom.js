@@ -25,11 +25,22 @@ export function number(value, digits = 4) {
   return String(Number(value.toPrecision(digits))).replace("-", "−");
 }
 
-// With as many digits as tell its ends apart.
-export function interval([low, high]) {
+// So many that the ends of an interval are told apart.
+export function digitsOf([low, high]) {
   const apart = Math.max(Math.abs(low), Math.abs(high)) / (high - low);
-  const digits = apart > 0 && Number.isFinite(apart) ? Math.min(Math.max(Math.ceil(Math.log10(apart)) + 2, 4), 15) : 4;
+  return apart > 0 && Number.isFinite(apart) ? Math.min(Math.max(Math.ceil(Math.log10(apart)) + 2, 4), 15) : 4;
+}
+
+export function interval([low, high]) {
+  const digits = digitsOf([low, high]);
   return `${number(low, digits)} to ${number(high, digits)}`;
+}
+
+// One value, or what it lies between; null: none is known.
+export function between(range) {
+  if (!range) return number(NaN);
+  const [low, high] = range.map((v) => number(v));
+  return low === high ? low : `${low} … ${high}`;
 }
 
 // "41.59(4)": with the standard uncertainty in units of the last digit, two digits of it where the first is 1 or 2.

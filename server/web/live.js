@@ -1,127 +1,11 @@
 // What the run under way has measured so far, thinned so that an hour costs no more than a minute.
-import { Chart, TimeGroup, colour } from "./chart.js";
-import { byId, element, number, shownChannels, timeAxis } from "./dom.js";
+import { byId, element } from "./dom.js";
 import { thinned } from "./thinning.js";
+import { RunCharts, chartTools } from "./traces.js";
 
 const most = 2000; // points: a picture is some 600 pixels wide
 const channels = ["command", "field", "charge", "displacement", "force"];
 const parts = ["first", "min", "max"];
-
-const line = () => colour("--line");
-
-// The charts of one run's columns {time, field: {first, min, max}, ...}; a channel may be missing.
-export class RunCharts {
-  constructor(series, loops, readings) {
-    this.places = { series, loops };
-    this.readings = readings;
-    this.group = new TimeGroup(() => this.#read());
-    this.specimen = undefined;
-    this.columns = { time: [] };
-    this.inputs = {}; // of the cursors, where there are any
-    this.#make();
-  }
-
-  #make() {
-    const shown = shownChannels(this.specimen);
-    const [field] = shown;
-    this.series = new Map(shown.map((c) => [c.key, new Chart(this.places.series, { title: c.title, x: timeAxis, y: c, group: this.group, height: 128 })]));
-    const against = (title, x, y) => new Chart(this.places.loops, { title, x, y, loop: true, height: 280 });
-    const [, charge, displacement, force] = shown;
-    this.loops = [[field, charge], [field, displacement], [displacement, force]].map(([x, y]) =>
-      ({ x, y, chart: against(`${y.title} against ${x.name}`, x, y) }));
-  }
-
-  // Another specimen may have another unit of its charge.
-  setSpecimen(specimen) {
-    const same = JSON.stringify(specimen) === JSON.stringify(this.specimen);
-    if (same) return;
-    this.specimen = specimen;
-    for (const chart of [...this.series.values(), ...this.loops.map((l) => l.chart)]) chart.remove();
-    this.group.charts.length = 0;
-    this.#make();
-  }
-
-  draw(columns) {
-    this.#show(columns, (chart, curves) => chart.set(curves));
-  }
-
-  // Of a run under way, whose first `drawn` points are drawn as they are.
-  extend(columns, drawn) {
-    this.#show(columns, (chart, curves) => chart.extend(curves, drawn));
-  }
-
-  #show(columns, give) {
-    this.columns = columns;
-    for (const [key, chart] of this.series) {
-      chart.figure.hidden = !columns[key];
-      give(chart, columns[key] ? [{ colour: line, x: columns.time, low: columns[key].min, high: columns[key].max }] : []);
-    }
-    for (const { x, y, chart } of this.loops) {
-      const there = columns[x.key] && columns[y.key];
-      chart.figure.hidden = !there;
-      give(chart, there ? [{ colour: line, dots: true, x: columns[x.key].first, y: columns[y.key].first }] : []);
-    }
-    this.#read();
-  }
-
-  // Exact curves of the loops in place of samples: cycle by cycle, in the colour of what tells them apart.
-  drawLoop(k, curves) {
-    const { chart } = this.loops[k];
-    chart.figure.hidden = false;
-    chart.set(curves);
-  }
-
-  // A and B: values and differences in a table, and their places in the loops.
-  #read() {
-    const { a, b } = this.group.cursors;
-    for (const [name, input] of Object.entries(this.inputs)) {
-      const at = this.group.cursors[name];
-      if (document.activeElement !== input) input.value = at === null ? "" : number(at);
-    }
-    const near = (t) => this.columns.time.findLastIndex((v) => v <= t);
-    for (const { x, y, chart } of this.loops)
-      chart.mark([["A", a], ["B", b]].filter(([, t]) => t !== null && this.columns[x.key] && this.columns[y.key]).map(([name, t]) => {
-        const i = near(t);
-        return { name, x: (this.columns[x.key].first[i] ?? NaN) * x.factor, y: (this.columns[y.key].first[i] ?? NaN) * y.factor };
-      }));
-    if (!this.readings) return;
-    this.readings.hidden = a === null && b === null;
-    if (this.readings.hidden) return;
-    const cell = (v) => element("td", { class: "number" }, number(v));
-    const row = (name, unit, at) => {
-      const [va, vb] = [a, b].map((t) => (t === null ? NaN : at(t)));
-      return element("tr", {}, element("th", { scope: "row" }, `${name} [${unit}]`), cell(va), cell(vb), cell(vb - va));
-    };
-    this.readings.replaceChildren(
-      element("thead", {}, element("tr", {}, ...["", "A", "B", "B − A"].map((t) => element("th", { scope: "col", class: "number" }, t)))),
-      element("tbody", {}, row("time", "s", (t) => t),
-        ...[...this.series.values()].filter((c) => !c.figure.hidden).map((c) => row(c.options.y.name, c.options.y.unit, (t) => c.at(t)))));
-  }
-
-  remove() {
-    for (const chart of [...this.series.values(), ...this.loops.map((l) => l.chart)]) chart.remove();
-  }
-}
-
-// Inputs for the two cursors and the zoom, so that they need no mouse.
-export function chartTools(charts, ...more) {
-  const cursor = (name) => {
-    charts.inputs[name] = element("input", {
-      inputmode: "decimal", size: 7, "aria-label": `Cursor ${name.toUpperCase()} [s]`,
-      onchange: (e) => charts.group.setCursor(name, e.target.value.trim() === "" || Number.isNaN(Number(e.target.value)) ? null : Number(e.target.value)),
-    });
-    return element("label", {}, name.toUpperCase(), " ", charts.inputs[name], " s");
-  };
-  const zoom = (factor) => () => {
-    const [low, high] = charts.group.range ?? charts.group.extents();
-    const middle = charts.group.cursors.a ?? (low + high) / 2;
-    charts.group.zoom([middle - (middle - low) * factor, middle + (high - middle) * factor]);
-  };
-  return element("div", { class: "tools" }, ...more,
-    element("button", { type: "button", onclick: zoom(0.5) }, "Zoom in"),
-    element("button", { type: "button", onclick: () => { charts.group.zoom(null); for (const l of charts.loops) l.chart.view(null, null); } }, "Show all"),
-    cursor("a"), cursor("b"));
-}
 
 export class Live {
   #columns = { time: [] };
@@ -177,14 +61,14 @@ export class Live {
     this.#draw();
   }
 
-  // The whole run in place of what was seen of it, unless another one has begun.
-  show(run, columns) {
+  // The whole run in place of what was seen of it, unless another one has begun; `read`: of its rows.
+  show(run, columns, read) {
     if (this.id && this.id !== run) return;
     this.id = run;
     this.#before = null;
     this.#columns = columns;
     this.#shown = 0;
-    if (!this.frozen) this.charts.draw(columns);
+    if (!this.frozen) this.charts.draw(columns, read);
     this.#say();
   }
 

@@ -3,8 +3,8 @@
 import { Chart, colour, download, kindColour, orderColour } from "./chart.js";
 import { button, count, duration, element, facts, moment, quantity, shownChannels } from "./dom.js";
 import { clearErrors, showError } from "./errors.js";
-import { RunCharts, chartTools } from "./live.js";
 import { factsOf, reportTable, tablesOf } from "./tables.js";
+import { RunCharts, chartTools, readerOf } from "./traces.js";
 
 const loops = [["field", "charge"], ["field", "displacement"], ["displacement", "force"]];
 const fileAddress = (name) => `/recordings/${encodeURIComponent(name)}`;
@@ -96,7 +96,7 @@ export class RecordingView {
     const charts = new RunCharts(series, loopPlace, readings);
     this.charts.push(charts);
     charts.setSpecimen(info.specimen);
-    charts.draw(columns);
+    charts.draw(columns, readerOf(this.rpc, name));
     this.place.querySelector(".tools-place").append(chartTools(charts));
     const rows = columns.segments ?? [];
     for (const chart of charts.series.values()) {

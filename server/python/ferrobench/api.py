@@ -447,6 +447,7 @@ class RecordingRead(TypedDict, total=False):
     displacement: RecordingReadDisplacement
     field: RecordingReadCommand
     force: RecordingReadForce
+    row: list[int]  # of the recording, with which each stretch begins
     rows: int  # joined into the stretches
     segments: list[RecordingReadSegment]  # the first 1000, where no axes were asked for
     time: list[float]  # of the first row of each stretch

@@ -121,6 +121,7 @@ export async function runsToTheEnd({ page }) {
   const [field] = await page.locator("#live-series .u-over").all();
   await field.click({ position: { x: 200, y: 40 } });
   await field.click({ position: { x: 400, y: 40 }, modifiers: ["Shift"] });
+  await page.waitForSelector("#live-readings:not([aria-busy])"); // the cursors stand on measured rows
   assert.match(await page.innerText("#live-readings"), /polarization \[C\/m²\]/, "charge counts by area");
   const times = await page.locator("#live-readings tbody tr").first().locator("td").allInnerTexts();
   assert.ok(times.every((t) => Number(t) > 0), `A, B and their difference: ${times}`);

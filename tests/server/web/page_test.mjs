@@ -19,7 +19,7 @@ import * as recordings from "./recording_steps.mjs";
 const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
 const steps = [
   experiment.writesAnExperiment, experiment.saysWhatIsWrong, experiment.runsToTheEnd, experiment.refusesAProgram,
-  recordings.opensTheRecording, recordings.importsAndOverlays, recordings.replays, recordings.drawsASweep, recordings.readsCreep, recordings.averagesARepeat,
+  recordings.opensTheRecording, recordings.importsAndOverlays, recordings.replays, recordings.drawsASweep, recordings.readsTheRows, recordings.readsCreep, recordings.averagesARepeat,
   models.simulatesAModel, models.fitsAModel, models.findsWhatIsMissing, models.findsTheNextExperiment,
   recordings.followsAddresses, recordings.givesReports, queue.queuesRuns,
   experiment.abortsARun, bench.drawsAtTheFullRate, bench.watchesWithAnother, bench.seesSilence, bench.survivesADeadDaemon,

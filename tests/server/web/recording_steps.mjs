@@ -106,6 +106,37 @@ export async function drawsASweep({ page, reports }) {
   reports.sweep = await html(page);
 }
 
+// A cursor stands on a measured row and shows its values; what is zoomed to is drawn from the rows themselves.
+export async function readsTheRows({ page }) {
+  const name = await record(page, { format: "ferrobench-protocol", version: 1, name: "rows", title: "Many rows", unit: "kV/mm", sample_rate_Hz: 20000,
+    segments: [{ kind: "repeat", count: 7, segments: [{ kind: "triangle", low: -1, high: 1, rate: 10 }] }] });
+  await openRecording(page, name);
+  const points = () => page.locator("#recording .series-charts .frame").first().getAttribute("data-points").then(Number);
+  const all = await points();
+  const cursor = page.locator('#recording [aria-label="Cursor A [s]"]');
+  await cursor.fill("1,2345");
+  await cursor.press("Enter");
+  await page.waitForSelector("#recording .readings:not([aria-busy])");
+  assert.equal(await cursor.inputValue(), "1.2345", "with a decimal comma and all of its digits");
+  const { time, field, displacement } = await call(page, "recording.read", { name, first: 24690, rows: 1 });
+  assert.ok(Math.abs(time[0] - 1.2345) < 1e-9);
+  const readings = page.locator("#recording .readings");
+  const shown = async (channel) => Number((await readings.locator("tr", { hasText: channel }).locator("td").first().innerText()).replace("−", "-"));
+  for (const [channel, measured] of [["field", field.first[0] * 1e-6], ["displacement", displacement.first[0] * 1e6]])
+    assert.ok(Math.abs((await shown(channel)) - measured) < 1e-3 * Math.abs(measured), `${channel}: ${await shown(channel)}, measured ${measured}`);
+  for (let i = 0; i < 8; ++i) await page.locator("#recording").getByRole("button", { name: "Zoom in" }).click();
+  await page.waitForSelector("#recording .series-charts:not([aria-busy])");
+  const rows = (20000 * 2.8) / 2 ** 8;
+  const near = await points();
+  assert.ok(near >= rows && near < 2 * rows, `${near} points of ${rows} rows in sight`);
+  await page.locator("#recording").getByRole("button", { name: "Show all" }).click();
+  assert.equal(await points(), all);
+  await cursor.fill("here");
+  await cursor.press("Enter");
+  assert.equal(await cursor.getAttribute("aria-invalid"), "true");
+  await call(page, "recording.delete", { name });
+}
+
 // Creep is drawn on logarithmic time, and read on it.
 export async function readsCreep({ page, reports }) {
   await openRecording(page, await record(page, "creep-6-holds-fast", { set: { "device.domains": 16 } }));
