@@ -28,6 +28,8 @@ RecordingRow row_of(const std::string& path, const recordings::SummaryOrError& r
   row.device = text_at(s.header.device, "driver");
   row.start_time = s.header.start_time;
   row.duration = s.duration;
+  row.spring = s.header.load.spring_stiffness;
+  row.prestress = s.header.load.prestress;
   row.rows = static_cast<std::int64_t>(s.rows);
   row.status = s.status;
   row.reason = s.reason;

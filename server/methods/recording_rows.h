@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@ namespace ferrobench::server {
 struct RecordingRow {
   std::string name{}, title{}, protocol{}, model{}, device{}, start_time{}, status{}, reason{};
   double duration = 0;
+  std::optional<double> spring{}, prestress{};
   std::int64_t rows = 0, bytes = 0;
 };
 template <class Visitor>
@@ -26,6 +28,8 @@ void describe(Visitor& visit, RecordingRow& r) {
   visit("rows", r.rows, {});
   visit("status", r.status, {.doc = "running, broken_off, complete, aborted, recovered or unreadable"});
   visit("reason", r.reason, {});
+  visit("spring_stiffness_N_per_m", r.spring, {.unit = "N/m"});
+  visit("prestress_Pa", r.prestress, {.unit = "Pa", .doc = "compressive is positive"});
   visit("bytes", r.bytes, {.unit = "B"});
 }
 

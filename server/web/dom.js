@@ -91,6 +91,10 @@ export function quantity(value, unit) {
   return typeof value === "number" ? `${number(value * factor)} ${name}`.trim() : String(value);
 }
 
+// Of a recording's load, or of its row in the list.
+export const loadText = ({ prestress_Pa: prestress, spring_stiffness_N_per_m: spring }) =>
+  (typeof prestress === "number" ? `prestress ${quantity(prestress, "Pa")}, spring ${quantity(spring, "N/m")}` : "");
+
 // The number in an input: undefined if empty, the text if it is none, so that the daemon can say so. A decimal
 // comma is taken as well.
 export function readNumber(input, factor = 1) {

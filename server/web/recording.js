@@ -1,7 +1,7 @@
 // One recording, or several over each other: time with its segments, loops cycle by cycle, creep by hold, the report's tables,
 // published values beside, events, provenance; and what can be done with it.
 import { Chart, colour, download, kindColour, orderColour } from "./chart.js";
-import { button, count, duration, element, facts, moment, quantity, shownChannels } from "./dom.js";
+import { button, count, duration, element, facts, loadText, moment, quantity, shownChannels } from "./dom.js";
 import { clearErrors, showError } from "./errors.js";
 import { factsOf, reportTable, tablesOf } from "./tables.js";
 import { RunCharts, chartTools, readerOf } from "./traces.js";
@@ -23,6 +23,16 @@ function inColour(answer, prefix) {
 }
 
 const oneColour = (answer, name, k) => answer.curves.map((c, i) => ({ name: i ? "" : name, x: c.x, y: c.y, colour: () => kindColour(k) }));
+
+// What tells things apart of which each has several texts: of those that are not the same for all, as few as do.
+export function toldApart(things) {
+  const differ = things[0].map((_, i) => i).filter((i) => things.some((t) => t[i] !== things[0][i]));
+  for (let n = 1; n <= differ.length; ++n) {
+    const labels = things.map((t) => differ.slice(0, n).map((i) => t[i]).join(", "));
+    if (new Set(labels).size === things.length) return labels;
+  }
+  return things.map((_, k) => String(k + 1));
+}
 
 const curvesOf = (rpc, name, axes) => rpc.call("recording.read", { name, axes, max_points: 20000 });
 
@@ -135,7 +145,7 @@ export class RecordingView {
       });
     } }, write, element("button", {}, "Annotate"));
     const compare = element("select", { "aria-label": "Recording to compare with" }, element("option", { value: "" }, "compare with …"),
-      ...this.list().filter((r) => r.name !== name).map((r) => element("option", { value: r.name }, `${r.title || r.name}, ${moment(r.start_time)}`)));
+      ...this.list().filter((r) => r.name !== name).map((r) => element("option", { value: r.name }, [r.title || r.name, loadText(r), moment(r.start_time)].filter(Boolean).join(", "))));
     const result = element("div", { class: "comparison" });
     compare.addEventListener("change", () => compare.value && this.#act("They were not compared.", async () =>
       result.replaceChildren(this.#comparison(await this.rpc.call("recording.compare", { a: name, b: compare.value }), compare.value))));
@@ -213,34 +223,36 @@ export class RecordingView {
     const series = element("div", { class: "series-charts" });
     const loopPlace = element("div", { class: "plots" });
     const readings = element("table", { class: "readings", hidden: true });
+    const labels = toldApart(all.map(({ info }) => [info.title, loadText(info.load), moment(info.start_time), info.name]));
     this.place.replaceChildren(
       element("div", { class: "report-head" }, element("h2", { id: "recording-title" }, `${names.length} recordings over each other`), element("a", { class: "button", href: "#recordings" }, "Close")),
       element("ul", { class: "keys" }, ...all.map(({ name, info }, k) => {
         const chip = element("span", { class: "chip" });
         chip.style.background = `var(--c${(k % 6) + 1})`;
-        return element("li", {}, chip, element("a", { href: `#recordings/${encodeURIComponent(name)}` }, info.title || name), ` ${moment(info.start_time)}`);
-      })), element("div", { class: "tools-place" }), series, readings, element("h3", {}, "Loops"), loopPlace);
-    const charts = new RunCharts(series, loopPlace, null);
+        return element("li", {}, chip, element("a", { href: `#recordings/${encodeURIComponent(name)}` }, info.title || name), ` · ${loadText(info.load)} · ${moment(info.start_time)}`);
+      })), element("div", { class: "tools-place" }), series, element("div", { class: "scroll", tabindex: "0" }, readings), element("h3", {}, "Loops"), loopPlace);
+    const charts = new RunCharts(series, loopPlace, readings);
     this.charts.push(charts);
     charts.setSpecimen(all[0].info.specimen);
-    charts.draw(all[0].columns);
     this.place.querySelector(".tools-place").append(chartTools(charts));
     // Charge counts by each specimen's own area.
     const own = (k, key) => {
-      const factor = (info) => shownChannels(info.specimen).find((c) => c.key === key).factor;
+      const factor = (info) => shownChannels(info.specimen).find((c) => c.key === key)?.factor ?? 1;
       return factor(all[k].info) / factor(all[0].info);
     };
     const times = (values, f) => (f === 1 ? values : values.map((v) => (v === null ? null : v * f)));
-    for (const [key, chart] of charts.series) {
-      const there = all.map((r, k) => ({ r, k })).filter(({ r }) => r.columns[key]);
-      chart.figure.hidden = there.length === 0;
-      chart.set(there.map(({ r, k }) => ({ colour: () => kindColour(k), x: r.columns.time, low: times(r.columns[key].min, own(k, key)), high: times(r.columns[key].max, own(k, key)) })));
-    }
+    const byOwnArea = (columns, k) => (columns.charge
+      ? { ...columns, charge: Object.fromEntries(Object.entries(columns.charge).map(([part, values]) => [part, times(values, own(k, "charge"))])) }
+      : columns);
+    charts.overlay(all.map(({ name, columns }, k) => {
+      const read = readerOf(this.rpc, name);
+      return { name: labels[k], colour: () => kindColour(k), columns: byOwnArea(columns, k), read: async (rows) => byOwnArea(await read(rows), k) };
+    }));
     for (const [k, axes] of loops.entries()) {
       const answers = await Promise.all(all.map((r) => (axes.every((a) => r.columns[a]) ? curvesOf(this.rpc, r.name, axes) : null)));
       if (!current()) return;
       if (answers.some(Boolean))
-        charts.drawLoop(k, answers.flatMap((a, i) => (a ? oneColour(a, "", i).map((c) => ({ ...c, y: times(c.y, own(i, axes[1])), x: times(c.x, own(i, axes[0])) })) : [])));
+        charts.drawLoop(k, answers.flatMap((a, i) => (a ? oneColour(a, labels[i], i).map((c) => ({ ...c, y: times(c.y, own(i, axes[1])), x: times(c.x, own(i, axes[0])) })) : [])));
     }
   }
 }

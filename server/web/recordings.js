@@ -1,5 +1,5 @@
 // The list of recordings: searched, filtered, chosen for an overlay; files are imported by drag or by choosing them.
-import { byId, bytes, count, duration, element, moment } from "./dom.js";
+import { byId, bytes, count, duration, element, loadText, moment } from "./dom.js";
 import { clearErrors, showError } from "./errors.js";
 
 const kind = (status) => (status === "complete" ? "good" : ["running", "recovered"].includes(status) ? "" : "wrong");
@@ -48,7 +48,7 @@ export class Recordings {
   #show() {
     const words = byId("recording-search").value.toLowerCase().split(/\s+/).filter(Boolean);
     const status = byId("recording-status").value;
-    const text = (r) => [r.name, r.title, r.protocol, r.model, r.device, r.start_time, r.reason].join(" ").toLowerCase();
+    const text = (r) => [r.name, r.title, r.protocol, r.model, r.device, r.start_time, r.reason, loadText(r)].join(" ").toLowerCase();
     const found = this.list.filter((r) => (!status || r.status === status) && words.every((w) => text(r).includes(w)));
     byId("recording-none").hidden = found.length > 0;
     byId("recording-none").textContent = this.list.length ? "None of them fits." : "None yet: every run leaves one here, and files can be dropped here.";
@@ -69,7 +69,7 @@ export class Recordings {
     return element("li", { "data-name": r.name }, box,
       element("div", { class: "about" }, element("a", { href: `#recordings/${encodeURIComponent(r.name)}` }, about),
         element("p", { class: "note" }, r.rows ? `${moment(r.start_time)} · ${duration(r.duration_s)} · ${count(r.rows)} samples · ${bytes(r.bytes)}` : moment(r.start_time)),
-        element("p", { class: "note" }, element("span", { class: kind(r.status) }, r.reason ? `${r.status}: ${r.reason}` : r.status), r.model ? ` · model ${r.model}` : "")),
+        element("p", { class: "note" }, element("span", { class: kind(r.status) }, r.reason ? `${r.status}: ${r.reason}` : r.status), ...[loadText(r), r.model && `model ${r.model}`].filter(Boolean).map((t) => ` · ${t}`))),
       element("a", { class: "small button", href: `/recordings/${encodeURIComponent(r.name)}`, download: `${r.name}.h5`, "aria-label": `Download ${r.name}` }, "HDF5"));
   }
 

@@ -360,9 +360,11 @@ class RecordingListRecording(TypedDict, total=False):
     duration_s: float  # [s]
     model: str
     name: str  # the file is at /recordings/<name>
+    prestress_Pa: float | None  # [Pa] compressive is positive
     protocol: str
     reason: str
     rows: int
+    spring_stiffness_N_per_m: float | None  # [N/m]
     start_time: str  # ISO 8601
     status: str  # running, broken_off, complete, aborted, recovered or unreadable
     title: str
@@ -555,10 +557,12 @@ class RecordingImport(TypedDict, total=False):
     findings: list[RecordingImportFinding]  # what was checked, taken for what, and found; the recordings have it
     model: str
     name: str  # the file is at /recordings/<name>
+    prestress_Pa: float | None  # [Pa] compressive is positive
     protocol: str
     reason: str
     recordings: list[RecordingListRecording]  # all that were made, one for each table; the first is this one
     rows: int
+    spring_stiffness_N_per_m: float | None  # [N/m]
     start_time: str  # ISO 8601
     status: str  # running, broken_off, complete, aborted, recovered or unreadable
     title: str

@@ -54,6 +54,12 @@ export async function importsAndOverlays({ page }) {
   await page.click("#overlay");
   await page.waitForFunction(() => document.querySelector("#recording-title")?.textContent === "2 recordings over each other");
   await page.waitForSelector("#recording:not([aria-busy])");
+  await page.locator('#recording [aria-label="Cursor A [s]"]').fill("1");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector("#recording .readings:not([aria-busy])");
+  const heads = await page.locator("#recording .readings th[scope=colgroup]").allInnerTexts();
+  assert.equal(new Set(heads).size, 2, `a cursor reads both, which are told apart: ${heads}`);
+  assert.match(await page.innerText("#recording .keys"), /prestress \d+ MPa, spring [\d.]+ N\/µm/);
   await isAccessible(page, "overlay");
   await page.fill("#recording-search", "elsewhere");
   assert.equal(await page.locator("#recording-list li").count(), 1);
