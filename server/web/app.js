@@ -82,6 +82,7 @@ async function follow(status) {
   let columns = null;
   try {
     const name = status.recording;
+    live.charts.about = name;
     const info = await rpc.call("recording.info", { name });
     live.charts.setSpecimen(info.specimen);
     columns = await rpc.call("recording.read", { name, max_points: 2000 });
@@ -99,6 +100,7 @@ async function finished(status) {
   try {
     const name = status.recording;
     const [info, columns] = await Promise.all([rpc.call("recording.info", { name }), rpc.call("recording.read", { name, max_points: 3000 })]);
+    live.charts.about = name;
     live.charts.setSpecimen(info.specimen);
     live.show(status.run, columns, readerOf(rpc, name));
     await drawLoops(rpc, name, live.charts, columns, () => live.run === status.run);

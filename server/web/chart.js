@@ -1,5 +1,6 @@
 // One chart: uPlot draws axes and the drag rectangle, the curves are drawn here, as loops go back and forth.
 import { between, digitsOf, element, number } from "./dom.js";
+import { pictureScale, withHead } from "./picture.js";
 
 const folder = "/node_modules/uplot/dist";
 let uPlot = null;
@@ -114,15 +115,15 @@ export class Chart {
   #described = -Infinity; // ms
   #pointer = null;
 
-  // {title, x: {name, unit, factor}, y: likewise, height, loop, log, group}; a group shares its time axis and cursors.
-  // Units are those shown, and factors lead to them from SI.
+  // {title, x: {name, unit, factor}, y: likewise, height, loop, log, group, about}; a group shares its time axis and cursors,
+  // about() says whose curves they are. Units are those shown, and factors lead to them from SI. `scale`: of all sizes.
   constructor(parent, options) {
     this.options = options;
     this.curves = [];
     this.stretches = [];
     this.lines = [];
     this.dots = [];
-    const { title, x, y, height = 150, loop = false, log = false, group } = options;
+    const { title, x, y, width = 300, height = 150, loop = false, log = false, group, scale = 1 } = options;
     this.#frame = element("div", { class: "frame", role: "img" });
     const save = element("button", { type: "button", class: "small", title: `Save "${title}" as PNG`, "aria-label": `Save ${title} as PNG`, onclick: () => this.savePng() }, "PNG");
     this.figure = element("figure", { class: loop ? "loop" : "series" },
@@ -130,19 +131,19 @@ export class Chart {
     parent.append(this.figure);
     if (!uPlot) return;
     const axis = (label, size) => ({
-      label, size, labelSize: 18, labelGap: 0, gap: 4, labelFont: "12px system-ui", font: "11px system-ui",
-      stroke: () => colour("--quiet"), grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { show: false },
+      label, size: size * scale, labelSize: 18 * scale, labelGap: 0, gap: 4 * scale, labelFont: `${12 * scale}px system-ui`, font: `${11 * scale}px system-ui`,
+      stroke: () => colour("--quiet"), grid: { stroke: () => colour("--grid"), width: scale }, ticks: { show: false },
       values: (_, at) => at.map((v) => (v === null ? "" : number(v, 8))),
     });
     const label = ({ name, unit }) => (unit ? `${name} [${unit}]` : name);
     this.u = new uPlot({
-      width: 300, height, legend: { show: false }, padding: [8, 14, 0, 0],
+      width: width * scale, height: height * scale, legend: { show: false }, padding: [8, 14, 0, 0].map((side) => side * scale),
       cursor: {
         points: { show: false }, y: loop, drag: { x: true, y: loop, setScale: false, uni: loop ? 12 : undefined },
         bind: { dblclick: () => () => this.zoomTo(null, null) },
       },
       scales: { x: { time: false, auto: false, range: asTold, distr: log ? 3 : 1 }, y: { auto: false, range: asTold } },
-      axes: [{ ...axis(label(x), 22), ...(log ? { splits: decades } : {}) }, { ...axis(height < 180 ? y.unit : label(y), 58), space: height < 180 ? 18 : 30 }],
+      axes: [{ ...axis(label(x), 22), ...(log ? { splits: decades } : {}), space: 50 * scale }, { ...axis(height < 180 ? y.unit : label(y), 58), space: (height < 180 ? 18 : 30) * scale }],
       series: [{}, { paths: () => null, points: { show: false } }],
       hooks: { draw: [(u) => this.#draw(u)], setSelect: [(u) => this.#selected(u)], setCursor: [(u) => this.#pointed(u)] },
     }, [[0, 1], [0, 1]], this.#frame);
@@ -320,7 +321,12 @@ export class Chart {
       this.#drawCurves(u.ctx, px, py, ratio, 0);
       this.#drawLines(u.ctx, u, px, py, ratio);
     });
-    this.#drawPoints(u, devicePixelRatio);
+    this.#drawPoints(u, this.#ratio());
+  }
+
+  // Pixels of the canvas for one that is meant.
+  #ratio() {
+    return devicePixelRatio * (this.options.scale ?? 1);
   }
 
   #clipped(u, draw) {
@@ -330,7 +336,7 @@ export class Chart {
     ctx.beginPath();
     ctx.rect(left, top, width, height);
     ctx.clip();
-    draw((x) => u.valToPos(x, "x", true), (y) => u.valToPos(y, "y", true), devicePixelRatio);
+    draw((x) => u.valToPos(x, "x", true), (y) => u.valToPos(y, "y", true), this.#ratio());
     ctx.restore();
   }
 
@@ -449,18 +455,21 @@ export class Chart {
     ctx.restore();
   }
 
-  savePng() {
+  // Drawn anew in a size of its own, with whose it is and what its colours mean.
+  async savePng() {
     if (!this.u) return;
-    const source = this.u.ctx.canvas;
-    const canvas = element("canvas", { width: source.width, height: source.height + 30 });
-    const ctx = canvas.getContext("2d");
-    ctx.fillStyle = colour("--card");
-    ctx.fillRect(0, 0, canvas.width, canvas.height);
-    ctx.fillStyle = colour("--ink");
-    ctx.font = "16px system-ui";
-    ctx.fillText(this.options.title, 10, 20);
-    ctx.drawImage(source, 0, 30);
-    canvas.toBlob((blob) => download(blob, `${this.options.title}.png`));
+    const { group, loop, log, title, about } = this.options;
+    const size = loop || log ? [640, 480] : [900, 300];
+    const scale = pictureScale / devicePixelRatio;
+    const copy = new Chart(element("div"), { ...this.options, width: size[0], height: size[1], scale,
+      group: group && { cursors: group.cursors, extents: () => group.extents(), join: () => {} } });
+    const { curves, stretches, lines, dots } = this;
+    Object.assign(copy, { curves, stretches, lines, dots }).view(this.#zoom.x, this.#zoom.y);
+    await new Promise((drawn) => setTimeout(drawn)); // uPlot draws once what asks for it is over
+    const whose = about?.() ?? "";
+    const canvas = withHead(copy.u.ctx.canvas, { title, whose, curves: curves.filter((c) => c.name), ink: colour("--ink"), back: colour("--card") });
+    copy.remove();
+    canvas.toBlob((blob) => download(blob, `${[whose, title].filter(Boolean).join(" ").replaceAll(/[^\p{L}\p{N}._+-]+/gu, "-")}.png`));
   }
 
   remove() {

@@ -83,11 +83,11 @@ export class ModelView {
     const rows = [];
     for (const channel of shownChannels(info.specimen)) {
       if (channel.key === "field" || !a[channel.key] || !b[channel.key]) continue;
-      const over = new Chart(plots, { title: channel.title, x: timeAxis, y: channel, group, height: 170, legend: true });
+      const over = new Chart(plots, { title: channel.title, x: timeAxis, y: channel, group, height: 170, legend: true, about: () => recording });
       over.set([{ name: "measured", colour: () => kindColour(0), x: a.time, low: a[channel.key].min, high: a[channel.key].max },
         { name: "model", colour: () => kindColour(1), dashed: true, x: b.time, low: b[channel.key].min, high: b[channel.key].max }]);
       // The simulation has the recording's own times: rows go together.
-      const below = new Chart(plots, { title: `${channel.title}: measured less model`, x: timeAxis, y: channel, group, height: 120 });
+      const below = new Chart(plots, { title: `${channel.title}: measured less model`, x: timeAxis, y: channel, group, height: 120, about: () => recording });
       below.set([{ colour: () => colour("--line"), x: a.time, y: a[channel.key].first.map((v, i) => (v === null || b[channel.key].first[i] === null ? null : v - b[channel.key].first[i])) }]);
       this.charts.push(over, below);
       const rms = difference.columns.find((c) => c.dataset.split("/").includes(channel.key))?.rms * channel.factor;

@@ -105,6 +105,7 @@ export class RecordingView {
       ...tables.map(reportTable), this.#publishedPart(name, published), this.#provenance(info));
     const charts = new RunCharts(series, loopPlace, readings);
     this.charts.push(charts);
+    charts.about = name;
     charts.setSpecimen(info.specimen);
     charts.draw(columns, readerOf(this.rpc, name));
     this.place.querySelector(".tools-place").append(chartTools(charts));
@@ -128,7 +129,7 @@ export class RecordingView {
       section.hidden = false;
       const chart = new Chart(section.querySelector(".plots"), {
         title: `Creep of the ${channel.name}`, x: { name: "time since the start of the hold", unit: "s", factor: 1 },
-        y: { ...channel, name: `${channel.name} change` }, height: 280, log: true, loop: false, legend: true });
+        y: { ...channel, name: `${channel.name} change` }, height: 280, log: true, loop: false, legend: true, about: () => name });
       this.charts.push(chart);
       chart.set(curves.map((c, k) => ({ name: `${c.label || `hold ${k + 1}`}: ${quantity(c.level, "V/m")}`, x: c.x, y: c.y,
         colour: () => orderColour(curves.length > 1 ? k / (curves.length - 1) : 0) })));
@@ -233,6 +234,7 @@ export class RecordingView {
       })), element("div", { class: "tools-place" }), series, element("div", { class: "scroll", tabindex: "0" }, readings), element("h3", {}, "Loops"), loopPlace);
     const charts = new RunCharts(series, loopPlace, readings);
     this.charts.push(charts);
+    charts.about = names.length > 2 ? `${names[0]} and ${names.length - 1} more` : names.join(" and ");
     charts.setSpecimen(all[0].info.specimen);
     this.place.querySelector(".tools-place").append(chartTools(charts));
     // Charge counts by each specimen's own area.

@@ -26,6 +26,7 @@ export class RunCharts {
     this.readings = readings;
     this.group = new TimeGroup(() => this.#changed());
     this.specimen = undefined;
+    this.about = ""; // whose curves they are
     this.runs = [];
     this.inputs = {}; // of the cursors, where there are any
     this.#make();
@@ -34,8 +35,9 @@ export class RunCharts {
   #make() {
     const shown = shownChannels(this.specimen);
     const [field] = shown;
-    this.series = new Map(shown.map((c) => [c.key, new Chart(this.places.series, { title: c.title, x: timeAxis, y: c, group: this.group, height: 128 })]));
-    const against = (title, x, y) => new Chart(this.places.loops, { title, x, y, loop: true, height: 280 });
+    const about = () => this.about;
+    this.series = new Map(shown.map((c) => [c.key, new Chart(this.places.series, { title: c.title, x: timeAxis, y: c, group: this.group, height: 128, about })]));
+    const against = (title, x, y) => new Chart(this.places.loops, { title, x, y, loop: true, height: 280, about });
     const [, charge, displacement, force] = shown;
     this.loops = [[field, charge], [field, displacement], [displacement, force]].map(([x, y]) =>
       ({ x, y, chart: against(`${y.title} against ${x.name}`, x, y) }));

@@ -1,6 +1,6 @@
 // The view Recordings: opened, annotated, taken away as files, imported, overlaid, compared, replayed; and addresses.
 import assert from "node:assert/strict";
-import { mkdtemp, rm, writeFile } from "node:fs/promises";
+import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { call, downloaded, isAccessible, keepPictures, newest, open, openRecording, patience, record, state } from "./browser.mjs";
@@ -59,6 +59,10 @@ export async function importsAndOverlays({ page }) {
   await page.waitForSelector("#recording .readings:not([aria-busy])");
   const heads = await page.locator("#recording .readings th[scope=colgroup]").allInnerTexts();
   assert.equal(new Set(heads).size, 2, `a cursor reads both, which are told apart: ${heads}`);
+  const [png] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "Save Field as PNG" }).last().click()]);
+  assert.match(png.suggestedFilename(), /from-elsewhere.*-Field\.png$/, "a picture says whose it is");
+  const picture = await readFile(await png.path());
+  assert.ok(picture.readUInt32BE(16) > 2000 && picture.readUInt32BE(20) > 700, "wide enough for print");
   assert.match(await page.innerText("#recording .keys"), /prestress \d+ MPa, spring [\d.]+ N\/µm/);
   await isAccessible(page, "overlay");
   await page.fill("#recording-search", "elsewhere");
