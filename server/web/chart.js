@@ -75,14 +75,15 @@ export function indexAt(column, x) {
   return Math.max(0, from - 1);
 }
 
-// Of a curve with many points: its lowest and highest value in each column of pixels, which is all that can be seen.
+// Of a curve with many points: its lowest and highest value in each column of pixels, which is all that can be seen. A point
+// beside an empty column stands alone, so that a line to it ends where it is.
 function perPixel(c, px) {
   const out = { x: [], low: [], high: [] };
-  let before = NaN;
+  const columns = c.x.map((x) => Math.round(px(x)));
+  const alone = (i) => columns[i] - columns[i - 1] > 1 || columns[i + 1] - columns[i] > 1;
   for (let i = 0; i < c.x.length; ++i) {
-    const column = Math.round(px(c.x[i]));
     const last = out.x.length - 1;
-    if (column !== before || Number.isNaN(c.low[i] + out.low[last])) {
+    if (columns[i] !== columns[i - 1] || alone(i) || alone(i - 1) || Number.isNaN(c.low[i] + out.low[last])) {
       out.x.push(c.x[i]);
       out.low.push(c.low[i]);
       out.high.push(c.high[i]);
@@ -90,7 +91,6 @@ function perPixel(c, px) {
       out.low[last] = Math.min(out.low[last], c.low[i]);
       out.high[last] = Math.max(out.high[last], c.high[i]);
     }
-    before = column;
   }
   return 2 * out.x.length < c.x.length ? out : c;
 }
