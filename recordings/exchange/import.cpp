@@ -81,7 +81,7 @@ std::vector<Imported> of_tester(const CsvImport& import, SourceKind kind, std::v
     identity.title = identity.title.empty() ? own : identity.title + ": " + own;
     Findings findings;
     const auto specimen = settle_specimen(given_specimen(import), stated, false, findings);
-    auto measured = measured_of(table, specimen);
+    auto measured = measured_of(table, specimen, stated.area.value_or(specimen.area));
     measured.findings.insert(measured.findings.begin(), findings.begin(), findings.end());
     out.push_back(recording_of(std::move(measured), specimen, identity, std::move(device)));
     table = {};

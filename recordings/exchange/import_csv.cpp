@@ -59,6 +59,7 @@ class Import {
     specimen = settle_specimen(given_specimen(import_), {}, moves, out_.findings, problems_);
     const auto unknown = problems_.size() - earlier;
     thickness_ = specimen.layer_thickness;
+    out_.area = specimen.area;
     constexpr std::array of_time{Quantity::time}, of_current{Quantity::current},
         of_polarization{Quantity::polarization};
     if (const auto map = map_of("time", import_.time))

@@ -137,6 +137,29 @@ TEST(Imports, AnAreaThatIsNotTheHeadersIsTold) {
   EXPECT_THAT(said(tables[0], "warning"), HasSubstr("by the tester's Cls and Epsls"));
 }
 
+// The tester divided by the area in its header: whoever knows a better one changes the specimen, not what
+// flowed.
+TEST(Imports, AnAreaThatIsGivenLeavesTheChargeAsMeasured) {
+  for (const auto& text :
+       {imports::aixacct_piezo(1), imports::radiant_hysteresis(), imports::aixacct_leakage()}) {
+    auto given = of(text);
+    const auto stated = import_tables(given, std::nullopt)[0].recording;
+    given.area = 2 * stated.header.specimen.area;
+    const auto tables = import_tables(given, std::nullopt);
+    const auto& r = tables[0].recording;
+    EXPECT_DOUBLE_EQ(r.header.specimen.area, 2 * stated.header.specimen.area);
+    EXPECT_EQ(r.has(Channel::charge), stated.has(Channel::charge));
+    if (r.has(Channel::charge)) {
+      EXPECT_EQ(r.at(Channel::charge), stated.at(Channel::charge));
+    }
+    if (const auto* current = other(stated, "current")) {
+      EXPECT_EQ(*other(r, "current"), *current);
+    }
+    EXPECT_THAT(said(tables[0], "warning"), HasSubstr("m^2 as given; the file says"));
+    EXPECT_THAT(said(tables[0], "warning"), testing::Not(HasSubstr("by the current")));
+  }
+}
+
 TEST(Imports, LayersThatTheCurrentDoesNotKnowAreNotCounted) {
   const auto tables = import(imports::aixacct_pulses({.layers = 7}));
   EXPECT_EQ(tables[0].recording.header.specimen.layer_count, 1);

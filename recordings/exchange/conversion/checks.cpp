@@ -82,7 +82,7 @@ std::optional<Agreement> agreement(std::span<const double> time, std::span<const
 
 std::int64_t check_polarization(Measured& m, const Specimen& specimen) {
   if (!m.polarization || !m.current) return specimen.layer_count;
-  const auto found = agreement(m.time, *m.current, *m.polarization, specimen.area, m.blocks);
+  const auto found = agreement(m.time, *m.current, *m.polarization, m.area, m.blocks);
   if (!found) return specimen.layer_count;
   constexpr double close = 0.02, exact = 5e-3;
   const auto layers = static_cast<double>(specimen.layer_count);
@@ -98,11 +98,12 @@ std::int64_t check_polarization(Measured& m, const Specimen& specimen) {
   const bool good = std::abs(slope - 1) < exact && found->rms < exact;
   m.say(good ? "check" : "warning",
         "A dP against the integral of I dt: they differ by " + percent(std::abs(slope - 1)) + ", and by " +
-            percent(found->rms) + " of the range (rms); so the area of " + number_text(specimen.area) +
-            " m^2 " + (good ? "holds" : "is " + number_text(specimen.area / slope) + " m^2 by the current"));
+            percent(found->rms) + " of the range (rms); so the " +
+            (m.area == specimen.area ? "area of " : "file's area of ") + number_text(m.area) + " m^2 " +
+            (good ? "holds" : "is " + number_text(m.area / slope) + " m^2 by the current"));
   Values charge(m.time.size());
   for (std::size_t i = 0; i < charge.size(); ++i)
-    charge[i] = specimen.area * static_cast<double>(counted) * (*m.polarization)[i];
+    charge[i] = m.area * static_cast<double>(counted) * (*m.polarization)[i];
   const auto [row, step] = largest_step(charge, integral(m.time, *m.current),
                                         found->range * static_cast<double>(counted), m.blocks);
   if (constexpr double jump = 0.01; step > jump)

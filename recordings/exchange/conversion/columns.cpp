@@ -44,12 +44,12 @@ void take_pulses(TesterTable& table, Measured& m) {
   }
 }
 
-void take_leakage_steps(TesterTable& table, Measured& m, const Specimen& specimen) {
+void take_leakage_steps(TesterTable& table, Measured& m) {
   const double step = demand_number(table, "Step Duration");
   for (std::size_t i = 0; i < table.rows(); ++i) m.time.push_back(step * static_cast<double>(i + 1));
   m.voltage = demand_column(table, "Voltage", Quantity::voltage);
   m.current = demand_column(table, "Leakage Current Density", Quantity::current_density);
-  for (double& i : *m.current) i *= specimen.area;
+  for (double& i : *m.current) i *= m.area;
   m.conducts = true;
   m.say("note", "the table has no time: each row is taken for the reading at the end of its step of " +
                     number_text(step) + " s (Step Duration)");
@@ -129,8 +129,8 @@ void check_permittivity(const TesterTable& table, Measured& m, const Specimen& s
 
 }  // namespace
 
-Measured measured_of(TesterTable& table, const Specimen& specimen) {
-  Measured m{.time = {}};
+Measured measured_of(TesterTable& table, const Specimen& specimen, double area) {
+  Measured m{.time = {}, .area = area};
   m.place_of = [blocks = table.blocks, first = table.first_line](std::size_t row) {
     TesterTable lines;
     lines.blocks = blocks;
@@ -145,7 +145,7 @@ Measured measured_of(TesterTable& table, const Specimen& specimen) {
       if (radiant || table.kind == Measurement::remanent_hysteresis)
         take_radiant_loop(table, m);
       else
-        take_tester_loop(table, m, specimen);
+        take_tester_loop(table, m);
       break;
     case Measurement::pulses:
       take_pulses(table, m);
@@ -154,7 +154,7 @@ Measured measured_of(TesterTable& table, const Specimen& specimen) {
       take_radiant_leakage(table, m);
       break;
     case Measurement::leakage_steps:
-      take_leakage_steps(table, m, specimen);
+      take_leakage_steps(table, m);
       break;
     case Measurement::fatigue:
       take_fatigue(table, m, specimen);

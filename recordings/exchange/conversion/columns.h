@@ -6,8 +6,8 @@
 
 namespace ferrobench::recordings {
 
-// Takes the columns out of the table. A unit that is not understood, a column that is missing, a time that
-// does not rise: Error(bad_recording) with the line.
-Measured measured_of(TesterTable& table, const Specimen& specimen);
+// Takes the columns out of the table. `area` is the one by which the tester divided. A unit that is not
+// understood, a column that is missing, a time that does not rise: Error(bad_recording) with the line.
+Measured measured_of(TesterTable& table, const Specimen& specimen, double area);
 
 }  // namespace ferrobench::recordings

@@ -69,7 +69,7 @@ void drop_repeated(TesterTable& table, const std::vector<Loop>& loops, const Loo
 
 }  // namespace
 
-void take_tester_loop(TesterTable& table, Measured& m, const Specimen& specimen) {
+void take_tester_loop(TesterTable& table, Measured& m) {
   m.time = demand_column(table, "Time", Quantity::time);
   auto loops = loops_of(table);
   const Loop* best = nullptr;
@@ -79,7 +79,7 @@ void take_tester_loop(TesterTable& table, Measured& m, const Specimen& specimen)
       loop.joined = loop.joined || (other.number < loop.number && is_joined(loop, other));
     if (loop.current != nullptr) {
       // Units do not matter for how closely one follows the other.
-      const auto found = agreement(m.time, *loop.current, *loop.polarization, specimen.area, {});
+      const auto found = agreement(m.time, *loop.current, *loop.polarization, m.area, {});
       if (found) loop.rms = found->rms;
     }
     constexpr double clearly = 1e-3;

@@ -15,11 +15,14 @@ namespace ferrobench::recordings {
 using Values = std::vector<double>;
 
 struct Measured {
-  Values time;                      // s
+  Values time;  // s
+  // m^2, by which the source divided a charge or a current. The specimen's may be another one: whoever knows
+  // better than the file does not change what was measured.
+  double area = 1;
   std::optional<Values> voltage{};  // V
   std::array<std::optional<Values>, 5> channels{};
   std::optional<Values> current{};       // A
-  std::optional<Values> polarization{};  // C/m^2, of the charge over the electrode's area
+  std::optional<Values> polarization{};  // C/m^2, of the charge over `area`
   std::vector<OtherColumn> others{};
   std::vector<std::size_t> blocks{};  // rows before which nothing was sampled for a while
   std::function<std::string(std::size_t row)> place_of{};  // "line 84"

@@ -35,10 +35,11 @@ void take_charge(Measured& m, Specimen& specimen, nlohmann::json& device) {
     auto& q = charge.emplace(std::move(*m.polarization));
     const auto first = std::ranges::find_if(q, [](double p) { return std::isfinite(p); });
     const double zero = first == q.end() ? 0 : *first;
-    for (double& v : q) v = specimen.area * static_cast<double>(layers) * (v - zero);
+    for (double& v : q) v = m.area * static_cast<double>(layers) * (v - zero);
     device["polarization_at_first_sample_C_per_m2"] = zero;
     m.say("note", "the charge is A P, from the first sample on, where P is " + number_text(zero) +
-                      " C/m^2 by the source's own zero");
+                      " C/m^2 by the source's own zero" +
+                      (m.area == specimen.area ? "" : "; A is the file's area, by which P was divided"));
   } else if (!charge && m.current && !m.conducts) {
     charge = integral(m.time, *m.current);
     m.say("note", "the charge is the integral of the current, from zero at the first sample");
