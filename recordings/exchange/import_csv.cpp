@@ -216,7 +216,8 @@ Identity identity_of(const CsvImport& import) {
   return {import.title,
           import.source,
           {import.spring_stiffness, import.prestress},
-          import.charge_is_absolute ? ChargeReference::absolute : ChargeReference::first_sample};
+          import.charge_is_absolute ? ChargeReference::absolute : ChargeReference::first_sample,
+          given_specimen(import)};
 }
 
 Imported import_csv_table(const CsvImport& import, std::size_t first_line, Findings findings,

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/number_text.h"
 #include "base/text_file.h"
 #include "recordings/exchange/import.h"
 #include "recordings/file/reader.h"
@@ -165,6 +166,51 @@ TEST(Imports, LayersThatTheCurrentDoesNotKnowAreNotCounted) {
   EXPECT_EQ(tables[0].recording.header.specimen.layer_count, 1);
   EXPECT_NEAR(tables[0].recording.header.specimen.length, 200e-9, 1e-15);
   EXPECT_THAT(said(tables[0], "warning"), HasSubstr("7 layers"));
+}
+
+// A sine of current, its charge over the area of `layers` layers as the polarization, and an offset of the
+// current of 1 %.
+std::string stack(int layers, double factor = 1) {
+  constexpr double area = 25e-6, step = 0.01;
+  std::string out = "time [s],field [V],current [A],polarization [C/m^2],displacement [um]\n";
+  const auto current = [](int i) { return 1e-6 * std::cos(2 * M_PI * step * i); };
+  double charge = 0;
+  for (int i = 0; i <= 500; ++i) {
+    if (i > 0) charge += 0.5 * step * (current(i) + current(i - 1));
+    for (const double v : {step * i, 100 * std::sin(2 * M_PI * step * i), current(i) + 1e-8,
+                           factor * charge / (area * layers)})
+      out += number_text(v) + ",";
+    out += "1\n";
+  }
+  return out;
+}
+
+TEST(Imports, LayersAreKeptBesideAnOffsetAndWhereTheyAreGiven) {
+  auto given = of("");
+  given.area = 25e-6, given.layer_thickness = 1e-4, given.length = 0.03, given.layer_count = 10;
+  const auto imported = [&given](std::string text) {
+    given.csv = std::move(text);
+    return import_tables(given, std::nullopt)[0];
+  };
+  const auto charge = [](const Imported& i) { return std::ranges::max(i.recording.at(Channel::charge)); };
+  constexpr double flowed = 1e-6 / (2 * M_PI);
+  for (const int layers : {10, 1}) {
+    const auto table = imported(stack(layers));
+    EXPECT_EQ(table.recording.header.specimen.layer_count, 10);
+    EXPECT_EQ(table.recording.header.specimen.length, 0.03);
+    EXPECT_NEAR(charge(table), flowed, 0.01 * flowed);
+    EXPECT_EQ(said(table, "warning").find("10 layers are given") == std::string::npos, layers == 10);
+    EXPECT_THAT(said(table, "warning"), testing::Not(HasSubstr("header")));
+  }
+  const auto neither = imported(stack(10, 3));
+  EXPECT_EQ(neither.recording.header.specimen.layer_count, 10);
+  EXPECT_NEAR(charge(neither), 3 * flowed, 0.03 * flowed);
+  EXPECT_THAT(said(neither, "warning"), HasSubstr("neither with these nor with one"));
+  auto header = of(imports::aixacct_pulses({.layers = 7}));
+  header.length = 1e-6;
+  const auto specimen = import_tables(header, std::nullopt)[0].recording.header.specimen;
+  EXPECT_EQ(specimen.layer_count, 1);
+  EXPECT_EQ(specimen.length, 1e-6);
 }
 
 TEST(Imports, PulsesFollowEachOther) {

@@ -80,21 +80,25 @@ std::optional<Agreement> agreement(std::span<const double> time, std::span<const
   return out;
 }
 
-std::int64_t check_polarization(Measured& m, const Specimen& specimen) {
+std::int64_t check_polarization(Measured& m, const Specimen& specimen, bool layers_given) {
   if (!m.polarization || !m.current) return specimen.layer_count;
   const auto found = agreement(m.time, *m.current, *m.polarization, m.area, m.blocks);
   if (!found) return specimen.layer_count;
-  constexpr double close = 0.02, exact = 5e-3;
+  // An offset in the current or a wrong area makes some percent, two layers or more a factor.
+  constexpr double near = 0.2, exact = 5e-3;
   const auto layers = static_cast<double>(specimen.layer_count);
-  std::int64_t counted = 1;
-  double slope = found->slope;
-  if (specimen.layer_count > 1 && std::abs(slope * layers - 1) < close) {
-    counted = specimen.layer_count;
-    slope *= layers;
-  } else if (specimen.layer_count > 1) {
-    m.say("warning", "the header names " + std::to_string(specimen.layer_count) +
-                         " layers, but its polarization is the charge over the area of one: one is taken");
-  }
+  const auto distance = [](double slope) { return std::abs(std::log(std::abs(slope))); };
+  const double of_one = distance(found->slope), of_all = distance(found->slope * layers);
+  const auto counted = of_one < of_all && of_one < std::log1p(near) ? 1 : specimen.layer_count;
+  const double slope = found->slope * static_cast<double>(counted);
+  const auto stated = (layers_given ? "" : "the header names ") + std::to_string(specimen.layer_count) +
+                      " layers" + (layers_given ? " are given" : "");
+  if (counted != specimen.layer_count)
+    m.say("warning", stated + ", but the polarization is the charge over the area of one: " +
+                         (layers_given ? "the charge is that of one" : "one is taken"));
+  else if (counted > 1 && !(of_all < std::log1p(near)))
+    m.say("warning", stated + ", but the polarization follows the current neither with these nor with one: " +
+                         "these are kept");
   const bool good = std::abs(slope - 1) < exact && found->rms < exact;
   m.say(good ? "check" : "warning",
         "A dP against the integral of I dt: they differ by " + percent(std::abs(slope - 1)) + ", and by " +

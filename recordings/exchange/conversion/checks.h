@@ -21,8 +21,9 @@ std::optional<Agreement> agreement(std::span<const double> time, std::span<const
                                    std::span<const std::size_t> blocks);
 
 // A dP against the integral of I dt: says by how much they differ, and with that whether the header's area
-// holds. The number of layers with which it does: one, or `layers`.
-std::int64_t check_polarization(Measured& m, const Specimen& specimen);
+// holds. The number of layers over whose area P is the charge: one, or the specimen's, unless one fits
+// better.
+std::int64_t check_polarization(Measured& m, const Specimen& specimen, bool layers_given);
 // The charge against the integral of the current, where both were measured.
 void check_charge(Measured& m);
 // The middle and the half of the voltage's range against the amplitude asked for.

@@ -22,13 +22,15 @@ void take_field(Measured& m, const Specimen& specimen) {
   for (double& e : field) e /= specimen.layer_thickness;
 }
 
-// By A P with the layers that the check has found, or by the integral of the current.
-void take_charge(Measured& m, Specimen& specimen, nlohmann::json& device) {
+// By A P with the layers that the check has found, or by the integral of the current. What the user says of
+// the specimen stays.
+void take_charge(Measured& m, Specimen& specimen, const KnownSpecimen& given, nlohmann::json& device) {
   auto& charge = m.channel(Channel::charge);
   if (m.polarization) {
-    const auto layers = check_polarization(m, specimen);
-    if (layers != specimen.layer_count) {
-      specimen.length *= static_cast<double>(layers) / static_cast<double>(specimen.layer_count);
+    const auto layers = check_polarization(m, specimen, given.layer_count.has_value());
+    if (layers != specimen.layer_count && !given.layer_count) {
+      if (!given.length)
+        specimen.length *= static_cast<double>(layers) / static_cast<double>(specimen.layer_count);
       specimen.layer_count = layers;
     }
     if (charge) return;
@@ -91,7 +93,7 @@ Imported recording_of(Measured&& m, Specimen specimen, const Identity& identity,
   check_steps(m);
   check_return(m);
   const bool measured_charge = m.channel(Channel::charge).has_value();
-  take_charge(m, specimen, device);
+  take_charge(m, specimen, identity.specimen, device);
   check_closure(m);
   check_energy(m);
   count_gaps(m);

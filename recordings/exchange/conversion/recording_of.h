@@ -12,6 +12,7 @@ struct Identity {
   std::string title{}, source{};
   LoadCase load{};
   ChargeReference charge_reference = ChargeReference::first_sample;  // of a charge that was measured
+  KnownSpecimen specimen{};
 };
 
 struct Imported {
