@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/fields.h"
+#include "base/no_value.h"
 
 namespace ferrobench {
 namespace {
@@ -20,10 +21,6 @@ constexpr double gap = std::numeric_limits<double>::quiet_NaN();
 bool begins_a_number(std::string_view text) {
   return !text.empty() && (std::string_view("+-.").find(text[0]) != std::string_view::npos ||
                            (text[0] >= '0' && text[0] <= '9'));
-}
-
-bool is_nan(std::string_view text) {
-  return text.size() == 3 && (text == "NaN" || text == "nan" || text == "NAN");
 }
 
 }  // namespace
@@ -42,7 +39,7 @@ DelimitedText::DelimitedText(std::string_view text, const TextDialect& dialect, 
   delimiter_ = dialect.delimiter ? *dialect.delimiter : find_delimiter(rest_);
   if (!row()) return;
   columns_ = cells_.size();
-  const auto is_number = [this](std::string_view cell) { return is_nan(cell) || value_of(cell); };
+  const auto is_number = [this](std::string_view cell) { return is_no_value(cell) || value_of(cell); };
   const auto mark = decimal_mark_;
   again_ = !dialect.names.value_or(std::ranges::none_of(cells_, is_number));
   decimal_mark_ = mark;
@@ -99,14 +96,15 @@ bool DelimitedText::next() {
   return false;
 }
 
-double DelimitedText::number(std::size_t column) {
+double DelimitedText::number(std::size_t column, std::string_view hint) {
   const auto cell = cells_[column];
-  if (cell.empty() || is_nan(cell)) return gap;
+  if (cell.empty() || is_no_value(cell)) return gap;
   if (const auto value = value_of(cell)) return *value;
   const bool mixed =
       decimal_mark_ != 0 && cell.find(decimal_mark_ == ',' ? '.' : ',') != std::string_view::npos;
-  complain(column_name(column) + " is not a number", cell,
-           mixed ? std::string("the decimal mark of this table is '") + decimal_mark_ + "'" : "");
+  complain(
+      column_name(column) + " is not a number", cell,
+      mixed ? std::string("the decimal mark of this table is '") + decimal_mark_ + "'" : std::string(hint));
   return gap;
 }
 

@@ -5,7 +5,8 @@
 //                for a quote
 //     lines      end in LF, CRLF or CR. Empty ones are left out, and so is a line that begins with #, and the
 //                rest of a row of numbers from a # behind a blank on. A byte-order mark is passed over
-//     numbers    1.5e-3, +2, 0,5: the decimal mark is the first one that comes; NaN or nothing for a gap
+//     numbers    1.5e-3, +2, 0,5: the decimal mark is the first one that comes; nothing for a gap, or what
+//                no_value.h has
 //     first row  names, unless one of its cells is a number
 //
 // There is one row in memory at a time, besides the text.
@@ -46,7 +47,8 @@ class DelimitedText {
   bool next();  // false at the end; a row with more or fewer cells than the first one is passed over
   std::size_t line() const { return row_line_; }  // where the row begins, from 1
   std::string_view text(std::size_t column) const { return cells_[column]; }
-  double number(std::size_t column);  // NaN for a gap, and for what is no number, which is a problem
+  // NaN for a gap, and for what is no number, which is a problem with this hint.
+  double number(std::size_t column, std::string_view hint = "");
 
   // "column 3 (field)"
   std::string column_name(std::size_t column) const;

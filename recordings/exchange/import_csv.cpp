@@ -6,6 +6,7 @@
 
 #include "base/delimited_text.h"
 #include "base/headings.h"
+#include "base/no_value.h"
 #include "recordings/exchange/look.h"
 
 namespace ferrobench::recordings {
@@ -175,7 +176,8 @@ class Import {
     constexpr std::size_t rows_between_reports = 20000;
     auto& time = out_.time;
     while (table_.next()) {
-      for (const auto& s : sources_) s.values->push_back(s.offset + s.scale * table_.number(s.at));
+      for (const auto& s : sources_)
+        s.values->push_back(s.offset + s.scale * table_.number(s.at, no_value_hint));
       if (import_.sample_rate) time.push_back(static_cast<double>(time.size()) / *import_.sample_rate);
       lines_.push_back(static_cast<std::uint32_t>(table_.line()));
       const auto rows = time.size();

@@ -87,6 +87,15 @@ TEST(DelimitedText, HasGaps) {
   EXPECT_EQ(read("t,x\n0,\n1,NaN\n2,nan\n3,4\n").rows, (Rows{{0, gap}, {1, gap}, {2, gap}, {3, 4}}));
 }
 
+TEST(DelimitedText, HasGapsAsProgramsWriteThem) {
+  for (const std::string cell :
+       {"NaN", "-nan", "-NaN(ind)", "1.#QNAN", "-1.#IND", "1.#INF", "#N/A", "OVLD", "Ovld"}) {
+    const auto found = read("t,x\n0,1\n1," + cell + "\n");
+    EXPECT_THAT(found.problems, IsEmpty()) << cell;
+    EXPECT_EQ(found.rows, (Rows{{0, 1}, {1, gap}})) << cell;
+  }
+}
+
 TEST(DelimitedText, NamesLineAndColumnOfWhatIsWrong) {
   auto found = read("t,E\n0,1\n\n1,x\n2,inf\n3,4,5\n4\n");
   ASSERT_EQ(found.problems.size(), 4u);

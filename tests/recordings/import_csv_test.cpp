@@ -152,6 +152,13 @@ TEST(ImportCsv, SaysWhatIsMissingOrThereTwice) {
               HasSubstr("line 3: has 3 columns, not 2"));
 }
 
+TEST(ImportCsv, SaysHowToWriteAGap) {
+  const auto problems = problems_of(of("time_s,force_N\n0,1\n1,--\n2,3\n"));
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].given, "--");
+  EXPECT_THAT(problems[0].hint, HasSubstr("leave it empty or write NaN"));
+}
+
 // A stage driven by a triangle, as its logger wrote it: no names, an empty first column.
 TEST(ImportCsv, ReadsAMeasuredStage) {
   const auto path = std::filesystem::path(FERROBENCH_SOURCE).parent_path() / "shared" / "data" / "measured" /

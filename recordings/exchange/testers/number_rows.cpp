@@ -8,15 +8,12 @@
 
 #include "base/fields.h"
 #include "base/headings.h"
+#include "base/no_value.h"
 
 namespace ferrobench::recordings {
 namespace {
 
 constexpr std::size_t most_columns = 1000, rows_between_reports = 20000;
-
-// What testers and the C library of their programs write where there is no value.
-constexpr std::array<std::string_view, 9> no_value{"NaN",     "nan",      "-nan",   "NAN",    "1.#QNAN",
-                                                   "-1.#IND", "-1.#QNAN", "1.#INF", "-1.#INF"};
 
 std::optional<double> plain_number(std::string_view text) {
   if (text.starts_with('+')) text.remove_prefix(1);
@@ -60,7 +57,7 @@ std::optional<double> NumberRows::with_mark(std::string_view cell) {
 
 double NumberRows::value_of(std::string_view cell, const TesterColumn& column) {
   if (const auto value = with_mark(cell)) return *value;
-  if (std::ranges::find(no_value, cell) != no_value.end()) {
+  if (is_no_value(cell)) {
     if (gaps_++ == 0) first_gap_ = lines_.number();
     return std::numeric_limits<double>::quiet_NaN();
   }

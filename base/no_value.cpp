@@ -1,0 +1,17 @@
+#include "base/no_value.h"
+
+#include <algorithm>
+#include <array>
+
+namespace ferrobench {
+
+bool is_no_value(std::string_view cell) {
+  constexpr std::array<std::string_view, 12> words{"nan",     "-nan",     "nan(ind)", "-nan(ind)",
+                                                   "1.#qnan", "-1.#qnan", "1.#ind",   "-1.#ind",
+                                                   "1.#inf",  "-1.#inf",  "#n/a",     "ovld"};
+  const auto same = [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; };
+  return std::ranges::any_of(words,
+                             [&](std::string_view word) { return std::ranges::equal(cell, word, same); });
+}
+
+}  // namespace ferrobench
