@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 namespace ferrobench {
 
@@ -12,6 +13,11 @@ bool is_no_value(std::string_view cell) {
   const auto same = [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; };
   return std::ranges::any_of(words,
                              [&](std::string_view word) { return std::ranges::equal(cell, word, same); });
+}
+
+bool marks_an_overload(double value) {
+  constexpr double least = 9.9e37;  // no quantity measured here comes near it, in any unit
+  return std::abs(value) >= least;
 }
 
 }  // namespace ferrobench

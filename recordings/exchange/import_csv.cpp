@@ -8,6 +8,7 @@
 #include "base/headings.h"
 #include "base/no_value.h"
 #include "recordings/exchange/look.h"
+#include "recordings/exchange/testers/overloads.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -175,9 +176,13 @@ class Import {
   void read_rows() {
     constexpr std::size_t rows_between_reports = 20000;
     auto& time = out_.time;
+    Overloads overloads;
     while (table_.next()) {
-      for (const auto& s : sources_)
-        s.values->push_back(s.offset + s.scale * table_.number(s.at, no_value_hint));
+      for (const auto& s : sources_) {
+        const double written = table_.number(s.at, no_value_hint);
+        s.values->push_back(s.offset +
+                            s.scale * overloads.checked(written, table_.text(s.at), table_.line()));
+      }
       if (import_.sample_rate) time.push_back(static_cast<double>(time.size()) / *import_.sample_rate);
       lines_.push_back(static_cast<std::uint32_t>(table_.line()));
       const auto rows = time.size();
@@ -185,6 +190,7 @@ class Import {
         table_.complain("the time does not rise", "");
       if (progress_ && rows % rows_between_reports == 0) progress_(table_.share_done());
     }
+    overloads.tell(out_.findings);
     if (out_.time.size() < 2 && problems_.empty())
       problems_.push_back({.path = "/csv", .message = "has fewer than two rows"});
   }

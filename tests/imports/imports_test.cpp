@@ -302,6 +302,22 @@ TEST(Imports, ADecimalCommaIsReadAndAMixtureRefused) {
   EXPECT_THAT(refusal(of(mixed)), HasSubstr("the decimal mark of this file is '.'"));
 }
 
+TEST(Imports, AMetersOverloadIsAGap) {
+  for (auto [text, from] : {std::pair{imports::aixacct_piezo(1), "CH3 [V]\t\n"},
+                            std::pair{imports::easyexpert(), "MeasResult2_time\n"}}) {
+    // The current is the fourth column of an aixACCT row and the third one of a B1500's.
+    const bool tester = text.starts_with("Piezo");
+    const char delimiter = tester ? '\t' : ',';
+    auto begin = text.find(from) + std::string_view(from).size();
+    for (int line = 0; line < 50; ++line) begin = text.find('\n', begin) + 1;
+    for (int cell = 0; cell < (tester ? 3 : 2); ++cell) begin = text.find(delimiter, begin) + 1;
+    text.replace(begin, text.find(delimiter, begin) - begin, "9.91E+37");
+    const auto table = import_tables(tester ? of(text) : of_film(text), std::nullopt)[0];
+    EXPECT_TRUE(std::isnan((*other(table.recording, "current"))[50]));
+    EXPECT_THAT(said(table, "warning"), HasSubstr("one cell marks an overload of the meter by 9.91E+37"));
+  }
+}
+
 TEST(Imports, DamageIsRefusedWithItsLine) {
   const auto piezo = imports::aixacct_piezo(2);
   EXPECT_THAT(refusal(of(piezo.substr(0, piezo.size() - 40))), HasSubstr("not 13 as the heading says"));

@@ -159,6 +159,27 @@ TEST(ImportCsv, SaysHowToWriteAGap) {
   EXPECT_THAT(problems[0].hint, HasSubstr("leave it empty or write NaN"));
 }
 
+TEST(ImportCsv, TakesOverloadsForGaps) {
+  for (const std::string mark : {"9.91E+37", "-9.9e37", "199.999E+99"}) {
+    std::string text = "time_s,field [kV/mm],charge [uC]\n";
+    for (int i = 0; i < 40; ++i)
+      text += std::to_string(i) + "," + std::to_string(i) + "," +
+              (i >= 20 && i < 26 ? mark
+               : i == 10         ? "500"
+                                 : std::to_string(i)) +
+              "\n";
+    const auto r = import_csv(of(text));
+    const auto& q = r.at(Channel::charge);
+    EXPECT_TRUE(std::isnan(q[20]) && std::isnan(q[25])) << mark;
+    EXPECT_DOUBLE_EQ(q[26], 26e-6);
+    const auto findings = r.header.device["findings"].dump();
+    EXPECT_THAT(findings,
+                HasSubstr("6 cells mark an overload of the meter by " + mark + ", the first in line 22"));
+    EXPECT_THAT(findings,
+                HasSubstr("one sample of the charge lies far beside the others around, in line 12"));
+  }
+}
+
 // A stage driven by a triangle, as its logger wrote it: no names, an empty first column.
 TEST(ImportCsv, ReadsAMeasuredStage) {
   const auto path = std::filesystem::path(FERROBENCH_SOURCE).parent_path() / "shared" / "data" / "measured" /

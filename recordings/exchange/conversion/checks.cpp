@@ -13,19 +13,6 @@ std::string percent(double share) {
   return share < told ? "less than 0.001 %" : number_text(100 * share) + " %";
 }
 
-struct Range {
-  double low = INFINITY, high = -INFINITY;
-  double span() const { return high - low; }
-  double middle() const { return 0.5 * (high + low); }
-};
-
-Range range_of(std::span<const double> values) {
-  Range out;
-  for (const double v : values)
-    if (std::isfinite(v)) out = {std::min(out.low, v), std::max(out.high, v)};
-  return out;
-}
-
 // The first row of each block, and the end.
 std::vector<std::size_t> edges_of(std::span<const std::size_t> blocks, std::size_t rows) {
   std::vector<std::size_t> out{0};
@@ -47,6 +34,13 @@ std::pair<std::size_t, double> largest_step(std::span<const double> charge, std:
 }
 
 }  // namespace
+
+Range range_of(std::span<const double> values) {
+  Range out;
+  for (const double v : values)
+    if (std::isfinite(v)) out = {std::min(out.low, v), std::max(out.high, v)};
+  return out;
+}
 
 Values integral(std::span<const double> time, std::span<const double> current) {
   Values out(time.size());

@@ -2,11 +2,20 @@
 // none changes a sample.
 #pragma once
 
+#include <cmath>
 #include <span>
 
 #include "recordings/exchange/conversion/measured.h"
 
 namespace ferrobench::recordings {
+
+// Of the values that are there; without any, the span is no number above zero.
+struct Range {
+  double low = INFINITY, high = -INFINITY;
+  double span() const { return high - low; }
+  double middle() const { return 0.5 * (high + low); }
+};
+Range range_of(std::span<const double> values);
 
 // The integral of i over t by trapezoids, from zero at the first sample; over a gap nothing is added.
 Values integral(std::span<const double> time, std::span<const double> current);

@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "base/units.h"
+#include "recordings/exchange/conversion/checks.h"
 #include "recordings/exchange/conversion/loops_of_tester.h"
 #include "recordings/exchange/conversion/radiant_columns.h"
 #include "recordings/exchange/conversion/units_of_columns.h"
@@ -69,7 +70,7 @@ void check_staircase(const TesterTable& table, Measured& m) {
           std::to_string(wrong) + " steps of the voltage are not the " + number_text(*step) +
               " V of the header (Voltage Step), first in " + m.place(first) + ": rows are missing or changed",
           m.time[first]);
-  const auto [low, high] = std::ranges::minmax(v);
+  const auto [low, high] = range_of(v);
   const bool whole = std::abs(v.back() - v.front()) < *step / 2 &&
                      (!most || std::max(high, -low) > std::abs(*most) - *step / 2);
   m.say(whole ? "check" : "warning",

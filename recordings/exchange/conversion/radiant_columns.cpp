@@ -6,6 +6,7 @@
 #include "base/number_text.h"
 #include "base/units.h"
 #include "recordings/analysis/statistics.h"
+#include "recordings/exchange/conversion/checks.h"
 #include "recordings/exchange/conversion/units_of_columns.h"
 #include "recordings/exchange/testers/number_rows.h"
 
@@ -56,11 +57,11 @@ void check_remanent(const TesterTable& table, Measured& m) {
   if (off == nullptr || rest == nullptr || !m.polarization) return;
   constexpr double si = 1e-2, jump = 0.01;
   const auto& on = *m.polarization;
-  const auto [low, high] = std::ranges::minmax(on);
+  const double range = range_of(on).span();
   std::size_t jumps = 0, first = 0;
   for (std::size_t i = 1; i < on.size(); ++i) {
     const auto constant = [&](std::size_t k) { return on[k] / si - off->values[k] - rest->values[k]; };
-    if (std::abs(constant(i) - constant(i - 1)) * si > jump * (high - low) && jumps++ == 0) first = i;
+    if (std::abs(constant(i) - constant(i - 1)) * si > jump * range && jumps++ == 0) first = i;
   }
   if (jumps <= 1)
     m.say("check", "the remanent polarization is Logic 1 less Logic 0, in each half of the loop");
@@ -111,7 +112,7 @@ void check_radiant(const TesterTable& table, Measured& m, const Specimen& specim
   if (table.tester != "Radiant Vision") return;
   constexpr double si = 1e-2;  // C/m^2 in uC/cm2
   if (const auto largest = figure_of(table, "PMax"); largest && m.polarization && !m.polarization->empty())
-    compare(m, "the largest polarization", std::ranges::max(*m.polarization) / si, *largest, "uC/cm2",
+    compare(m, "the largest polarization", range_of(*m.polarization).high / si, *largest, "uC/cm2",
             "Vision's figure PMax");
   const auto volts = table.find("Volts");
   if (const auto field = header_field(table); field && volts && volts->number)

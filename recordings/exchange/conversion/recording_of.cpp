@@ -54,11 +54,11 @@ void take_charge(Measured& m, Specimen& specimen, const KnownSpecimen& given, nl
 void check_closure(Measured& m) {
   const auto& charge = m.channel(Channel::charge);
   if (!charge || !m.current || charge->empty() || !m.blocks.empty()) return;
-  const auto [low, high] = std::ranges::minmax(*charge);
+  const double range = range_of(*charge).span();
   const double drift = charge->back() - charge->front(), duration = m.time.back() - m.time.front();
   constexpr double small = 0.01;
-  if (!(high > low) || !(std::abs(drift) > small * (high - low))) return;
-  m.say("note", "the charge ends " + number_text(100 * std::abs(drift) / (high - low)) + " % of its range " +
+  if (!(range > 0) || !(std::abs(drift) > small * range)) return;
+  m.say("note", "the charge ends " + number_text(100 * std::abs(drift) / range) + " % of its range " +
                     (drift > 0 ? "above" : "below") + " where it began; a constant " +
                     number_text(drift / duration) + " A in the current would do that");
 }

@@ -6,6 +6,7 @@
 
 #include "base/number_text.h"
 #include "recordings/analysis/statistics.h"
+#include "recordings/exchange/conversion/checks.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -31,9 +32,13 @@ Values distances(std::span<const double> x) {
   return out;
 }
 
-void find_spikes(Measured& m, const std::string& name, std::span<const double> x) {
+void find_spikes(Measured& m, const std::string& name, std::span<const double> values) {
   constexpr std::size_t least_rows = 16;
-  if (x.size() < least_rows || std::ranges::any_of(x, [](double v) { return std::isnan(v); })) return;
+  Values x;
+  std::vector<std::size_t> rows;  // gaps are passed over
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (!std::isnan(values[i])) x.push_back(values[i]), rows.push_back(i);
+  if (x.size() < least_rows) return;
   const auto [low, high] = std::ranges::minmax(x);
   const auto far = distances(x);
   constexpr double share = 0.02, usual = 20, beyond_steps = 2.5;
@@ -53,8 +58,8 @@ void find_spikes(Measured& m, const std::string& name, std::span<const double> x
   m.say("warning",
         (found == 1 ? "one sample of the " : std::to_string(found) + " samples of the ") + name +
             (found == 1 ? " lies" : " lie") + " far beside the others around, " +
-            (found == 1 ? "in " : "first in ") + m.place(first) + ": " + number_text(x[first]),
-        m.time[first]);
+            (found == 1 ? "in " : "first in ") + m.place(rows[first]) + ": " + number_text(x[first]),
+        m.time[rows[first]]);
 }
 
 }  // namespace
@@ -77,10 +82,10 @@ void check_duration(Measured& m) {
 void check_return(Measured& m) {
   const auto& v = m.voltage ? m.voltage : m.channel(Channel::field);
   if (!m.returns || !v || v->size() < 3) return;
-  const auto [low, high] = std::ranges::minmax(*v);
+  const double span = range_of(*v).span();
   constexpr double near = 0.05;
-  if (!(std::abs(v->back() - v->front()) > near * (high - low))) return;
-  const double share = (v->back() - v->front()) / (high - low);
+  if (!(std::abs(v->back() - v->front()) > near * span)) return;
+  const double share = (v->back() - v->front()) / span;
   m.say("warning", "the voltage does not end where it began, but " + number_text(100 * std::abs(share)) +
                        " % of its range " + (share > 0 ? "above" : "below") + ": was the file cut off?");
 }

@@ -56,7 +56,7 @@ std::optional<double> NumberRows::with_mark(std::string_view cell) {
 }
 
 double NumberRows::value_of(std::string_view cell, const TesterColumn& column) {
-  if (const auto value = with_mark(cell)) return *value;
+  if (const auto value = with_mark(cell)) return overloads_.checked(*value, cell, lines_.number());
   if (is_no_value(cell)) {
     if (gaps_++ == 0) first_gap_ = lines_.number();
     return std::numeric_limits<double>::quiet_NaN();
@@ -81,6 +81,7 @@ void NumberRows::read(TesterTable& table) {
       table.columns[i].values.push_back(value_of(cells[i], table.columns[i]));
     if (progress_ && table.rows() % rows_between_reports == 0) progress_(lines_.share_done());
   }
+  overloads_.tell(table.findings);
   if (gaps_ > 0)
     table.findings.push_back({"gap", std::to_string(gaps_) + " cells hold no value, the first in line " +
                                          std::to_string(first_gap_) + ": gaps"});
