@@ -98,7 +98,9 @@ bool goes_on_with_a_name(std::string_view word) {
 }
 
 Heading split_at(std::string_view text, std::size_t name, std::size_t unit) {
-  return {std::string(trimmed(text.substr(0, name))), std::string(trimmed(text.substr(unit)))};
+  auto before = trimmed(text.substr(0, name));
+  if (before.ends_with('/')) before = trimmed(before.substr(0, before.size() - 1));
+  return {std::string(before), std::string(trimmed(text.substr(unit)))};
 }
 
 // "field_kV_per_mm"
@@ -118,7 +120,8 @@ const KnownUnit* find_unit(std::string_view text, std::span<const Quantity> quan
   std::string plain(trimmed(text));
   for (const std::string_view micro : {"\xc2\xb5", "\xce\xbc", "\xb5"}) replace_all(plain, micro, "u");
   replace_all(plain, "_per_", "/");
-  replace_all(plain, "\xc2\xb2", "^2");
+  // As UTF-8 has it, and as code page 1252 does.
+  for (const std::string_view squared : {"\xc2\xb2", "\xb2"}) replace_all(plain, squared, "^2");
   if (plain.ends_with("m2")) plain.insert(plain.size() - 1, "^");
   const auto found = std::ranges::find(units, plain, &KnownUnit::text);
   const bool wanted =
@@ -134,21 +137,22 @@ std::vector<std::string> units_of(std::span<const Quantity> quantities) {
   return out;
 }
 
-Heading read_heading(std::string_view text) {
+Heading read_heading(std::string_view text, std::span<const Quantity> quantities) {
   text = trimmed(text);
-  if (find_unit(text) != nullptr) return {"", std::string(text)};
+  if (find_unit(text, quantities) != nullptr) return {"", std::string(text)};
   for (const std::string_view brackets : {"[]", "()"})
     if (const auto open = text.find(brackets[0]);
         text.ends_with(brackets[1]) && open != std::string_view::npos) {
-      auto out = split_at(text.substr(0, text.size() - 1), open, open + 1);
-      if (out.name.ends_with('/'))
-        out.name = trimmed(std::string_view(out.name).substr(0, out.name.size() - 1));
-      return out;
+      return split_at(text.substr(0, text.size() - 1), open, open + 1);
     }
+  if (const auto last = text.find_last_of(" _"); last != std::string_view::npos &&
+                                                 text.find('/', last) != std::string_view::npos &&
+                                                 find_unit(text.substr(last + 1), all_quantities) != nullptr)
+    return split_at(text, last, last + 1);
   if (const auto slash = text.find('/'); slash != std::string_view::npos)
     return split_at(text, slash, slash + 1);
   if (const auto blank = text.rfind(' ');
-      blank != std::string_view::npos && find_unit(text.substr(blank + 1)) != nullptr)
+      blank != std::string_view::npos && find_unit(text.substr(blank + 1), quantities) != nullptr)
     return split_at(text, blank, blank + 1);
   if (text.find('_') != std::string_view::npos) return underscored(text);
   return {std::string(text), ""};
@@ -156,7 +160,9 @@ Heading read_heading(std::string_view text) {
 
 bool names_a_voltage(std::string_view name) {
   const auto text = lowered(name);
-  return text == "u" || text == "v" || text.find("volt") != std::string::npos;
+  const bool letter = text.starts_with('u') || text.starts_with('v');
+  return (letter && text.find_first_not_of("0123456789", 1) == std::string::npos) ||
+         text.find("volt") != std::string::npos;
 }
 
 }  // namespace ferrobench

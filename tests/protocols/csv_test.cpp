@@ -44,6 +44,12 @@ TEST(Headings, AreANameAndAUnit) {
            {"applied_field_MV_per_m", "applied_field", "MV_per_m"},
            {"Voltage V", "Voltage", "V"},
            {"kV/mm", "", "kV/mm"},
+           {"field kV/mm", "field", "kV/mm"},
+           {"field_kV/mm", "field", "kV/mm"},
+           {"E / kV/mm", "E", "kV/mm"},
+           {"polarization uC/cm2", "polarization", "uC/cm2"},
+           {"polarization_uC/cm2", "polarization", "uC/cm2"},
+           {"current uA", "current uA", ""},
            {"field_Oe", "field", "Oe"},
            {"field_statV_per_cm", "field", "statV_per_cm"},
            {"x (furlong)", "x", "furlong"},
@@ -76,6 +82,15 @@ TEST(Headings, HaveUnitsThatAreKnown) {
     ASSERT_NE(find_unit(text), nullptr) << text;
     EXPECT_EQ(find_unit(text)->si, si) << text;
   }
+  constexpr std::array of_polarization{Quantity::polarization};
+  for (const std::string text : {"uC/cm2",
+                                 "\xc2\xb5"
+                                 "C/cm\xc2\xb2",
+                                 "\xb5"
+                                 "C/cm\xb2"})
+    EXPECT_NE(find_unit(text, of_polarization), nullptr) << text;
+  constexpr std::array of_current{Quantity::current};
+  EXPECT_EQ(read_heading("current uA", of_current).unit, "uA");
   for (const std::string text : {"kv", "S", "Oe", "", "kV/mm/s", "V/"})
     EXPECT_EQ(find_unit(text), nullptr) << text;
 }
@@ -114,6 +129,7 @@ TEST(PointTables, RefuseUnitsThatAreNotUnderstood) {
            {"time,force_N", "column 2 (force_N)", "N"},
            {"time,voltage", "column 2 (voltage)", "voltage"},
            {"time,U", "column 2 (U)", "U"},
+           {"time,V1", "column 2 (V1)", "V1"},
            {"t [fortnight],E", "column 1 (t [fortnight])", "fortnight"},
            {"voltage_V,time_s", "column 1 (voltage_V)", "V"}}) {
     const auto found = given(headings);

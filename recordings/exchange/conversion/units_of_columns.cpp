@@ -9,11 +9,6 @@
 namespace ferrobench::recordings {
 namespace {
 
-constexpr std::array every{Quantity::time,    Quantity::field,           Quantity::voltage,
-                           Quantity::charge,  Quantity::displacement,    Quantity::force,
-                           Quantity::current, Quantity::current_density, Quantity::polarization,
-                           Quantity::area};
-
 std::string_view si_unit(Quantity quantity) {
   switch (quantity) {
     case Quantity::time:
@@ -99,7 +94,7 @@ void take_others(TesterTable& table, Measured& m) {
       unmeasured += (unmeasured.empty() ? "" : ", ") + column.name;
       continue;
     }
-    const auto* known = find_unit(column.unit, every);
+    const auto* known = find_unit(column.unit, all_quantities);
     if (known != nullptr && known->si != 1)
       for (double& v : column.values) v *= known->si;
     auto name = plain_name(column.name);
