@@ -36,7 +36,8 @@ DelimitedText::DelimitedText(std::string_view text, const TextDialect& dialect, 
   constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
   if (rest_.starts_with(byte_order_mark)) rest_.remove_prefix(byte_order_mark.size());
   if (dialect.decimal_comma) decimal_mark_ = *dialect.decimal_comma ? ',' : '.';
-  delimiter_ = dialect.delimiter ? *dialect.delimiter : find_delimiter(rest_);
+  const char separator = separator_line();
+  delimiter_ = dialect.delimiter ? *dialect.delimiter : separator != 0 ? separator : find_delimiter(rest_);
   if (!row()) return;
   columns_ = cells_.size();
   const auto is_number = [this](std::string_view cell) { return is_no_value(cell) || value_of(cell); };
@@ -46,6 +47,18 @@ DelimitedText::DelimitedText(std::string_view text, const TextDialect& dialect, 
   if (again_) return;
   while (columns_ > 0 && cells_[columns_ - 1].empty()) --columns_;
   names_.assign(cells_.begin(), cells_.begin() + static_cast<std::ptrdiff_t>(columns_));
+}
+
+// Passes over "sep=;", and says which it is; 0 if there is no such line.
+char DelimitedText::separator_line() {
+  constexpr std::string_view key = "sep=";
+  const auto size = key.size() + 1;
+  if (!rest_.starts_with(key) || rest_.size() <= size || !is_end(rest_[size]) || is_end(rest_[size - 1]))
+    return 0;
+  const char out = rest_[size - 1];
+  rest_.remove_prefix(size);
+  skip_line_end();
+  return out;
 }
 
 // The one by which most of the first rows are equally many numbers; if there is none, equally many cells.
@@ -88,10 +101,12 @@ bool DelimitedText::next() {
     const auto written = static_cast<std::size_t>(
         std::find_if(cells_.rbegin(), cells_.rend(), [](std::string_view c) { return !c.empty(); }).base() -
         cells_.begin());
-    if (cells_.size() >= columns_ && written <= columns_) return true;
+    if (cells_.size() >= columns_ && written <= columns_) return fits_ = true;
+    // Where no row is like the first, that one is no part of the table, and one such line tells it.
+    broken_ = !fits_ && columns_ > 0 && !names_.empty();
     complain("has " + std::to_string(std::max(written, std::min(cells_.size(), columns_))) +
                  " columns, not " + std::to_string(columns_) + " as the first row",
-             cells_.empty() ? "" : cells_.back());
+             cells_.empty() ? "" : cells_.back(), broken_ ? "put # before the lines above the table" : "");
   }
   return false;
 }
@@ -106,6 +121,15 @@ double DelimitedText::number(std::size_t column, std::string_view hint) {
       column_name(column) + " is not a number", cell,
       mixed ? std::string("the decimal mark of this table is '") + decimal_mark_ + "'" : std::string(hint));
   return gap;
+}
+
+std::optional<double> DelimitedText::number_if_any(std::size_t column) {
+  const auto cell = cells_[column];
+  if (cell.empty() || is_no_value(cell)) return gap;
+  const auto mark = decimal_mark_;
+  const auto out = value_of(cell);
+  decimal_mark_ = mark;
+  return out;
 }
 
 std::string DelimitedText::column_name(std::size_t column) const {

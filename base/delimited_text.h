@@ -7,7 +7,8 @@
 //                rest of a row of numbers from a # behind a blank on. A byte-order mark is passed over
 //     numbers    1.5e-3, +2, 0,5: the decimal mark is the first one that comes; nothing for a gap, or what
 //                no_value.h has
-//     first row  names, unless one of its cells is a number
+//     first row  names, unless one of its cells is a number; before it may stand sep=X as spreadsheets write
+//     it
 //
 // There is one row in memory at a time, besides the text.
 #pragma once
@@ -49,6 +50,8 @@ class DelimitedText {
   std::string_view text(std::size_t column) const { return cells_[column]; }
   // NaN for a gap, and for what is no number, which is a problem with this hint.
   double number(std::size_t column, std::string_view hint = "");
+  std::optional<double> number_if_any(
+      std::size_t column);  // without a problem, and the decimal mark stays open
 
   // "column 3 (field)"
   std::string column_name(std::size_t column) const;
@@ -67,6 +70,7 @@ class DelimitedText {
   bool is_blank(char c) const { return c == ' ' || (c == '\t' && delimiter_ != '\t'); }
   static bool is_end(char c) { return c == '\n' || c == '\r'; }
   std::optional<double> value_of(std::string_view cell);
+  char separator_line();
   char find_delimiter(std::string_view text) const;
 
   std::string_view rest_;
@@ -77,7 +81,7 @@ class DelimitedText {
   char delimiter_ = ',';
   char decimal_mark_ = 0;  // not seen yet
   std::size_t line_ = 1, row_line_ = 1, columns_ = 0;
-  bool again_ = false, broken_ = false;
+  bool again_ = false, broken_ = false, fits_ = false;  // a row has been as wide as the first
   std::vector<std::string> names_;
   std::vector<std::string_view> cells_;
   std::deque<std::string> unquoted_;  // cells that do not stand in the text as they are

@@ -44,13 +44,27 @@ Read read(std::string_view text, const TextDialect& dialect = {}) {
 
 TEST(DelimitedText, IsSplitByWhatIsThere) {
   const Rows wanted{{0, 1.5}, {2, -0.5}};
-  for (const std::string text :
-       {"t,E\n0,1.5\n2,-0.5\n", "t;E\n0;1.5\n2;-0.5\n", "t\tE\n0\t1.5\n2\t-0.5\n", "t E\n0 1.5\n2 -0.5\n",
-        "t, E\n0, 1.5\n2, -0.5", " t ;E\n 0 ; 1.5 \n2 ;-0.5\n", "t  E\n  0 \t 1.5\n2\t-0.5  \n",
-        "t,E\n+0,+1.5\n2,-.5\n", "t;E\n0;1,5\n2;-0,5\n", "t\tE\n0\t1,5\n2\t-0,5\n", "t E\n0 1,5\n2 -0,5\n",
-        "t,E\n0,\"1,5\"\n2,\"-0,5\"\n", "t,E\r\n0,1.5\r\n2,-0.5\r\n", "t,E\r0,1.5\r2,-0.5",
-        "\xef\xbb\xbft,E\n0,1.5\n2,-0.5\n", "# a\n\nt,E\n  # b\n0,1.5 # c\n,\n2,-0.5\n\n#",
-        "\"t\",\"E\"\n\"0\",\"1.5\"\n2,\"-0.5\"\n", "t,E,\n0,1.5,\n2,-0.5,,\n"}) {
+  for (const std::string text : {"t,E\n0,1.5\n2,-0.5\n",
+                                 "t;E\n0;1.5\n2;-0.5\n",
+                                 "t\tE\n0\t1.5\n2\t-0.5\n",
+                                 "t E\n0 1.5\n2 -0.5\n",
+                                 "t, E\n0, 1.5\n2, -0.5",
+                                 " t ;E\n 0 ; 1.5 \n2 ;-0.5\n",
+                                 "t  E\n  0 \t 1.5\n2\t-0.5  \n",
+                                 "t,E\n+0,+1.5\n2,-.5\n",
+                                 "t;E\n0;1,5\n2;-0,5\n",
+                                 "t\tE\n0\t1,5\n2\t-0,5\n",
+                                 "t E\n0 1,5\n2 -0,5\n",
+                                 "t,E\n0,\"1,5\"\n2,\"-0,5\"\n",
+                                 "t,E\r\n0,1.5\r\n2,-0.5\r\n",
+                                 "t,E\r0,1.5\r2,-0.5",
+                                 "\xef\xbb\xbft,E\n0,1.5\n2,-0.5\n",
+                                 "# a\n\nt,E\n  # b\n0,1.5 # c\n,\n2,-0.5\n\n#",
+                                 "sep=;\nt;E\n0;1,5\n2;-0,5\n",
+                                 "\xef\xbb\xbfsep=,\r\nt,E\r\n0,1.5\r\n2,-0.5\r\n",
+                                 "sep=\t\nt\tE\n0\t1.5\n2\t-0.5\n",
+                                 "\"t\",\"E\"\n\"0\",\"1.5\"\n2,\"-0.5\"\n",
+                                 "t,E,\n0,1.5,\n2,-0.5,,\n"}) {
     const auto found = read(text);
     EXPECT_THAT(found.problems, IsEmpty()) << text;
     EXPECT_THAT(found.names, ElementsAre("t", "E")) << text;
@@ -116,6 +130,16 @@ TEST(DelimitedText, NamesLineAndColumnOfWhatIsWrong) {
   EXPECT_EQ(
       read("t,E\n" + std::string(20, 'x') + "," + "\n0,x\n1,x\n2,x\n3,x\n4,x\n5,x\n6,x\n").problems.size(),
       5u);
+}
+
+TEST(DelimitedText, TellsOnceOfLinesAboveTheTable) {
+  for (const std::string above : {"% a comment", "Sample: PZT", "Sample,PZT"}) {
+    const auto found = read(above + "\nt,E,x\n0,1,2\n1,2,3\n");
+    ASSERT_EQ(found.problems.size(), 1u) << above;
+    EXPECT_THAT(found.problems[0].message, HasSubstr("line 2: has 3 columns, not "));
+    EXPECT_THAT(found.problems[0].hint, HasSubstr("put # before"));
+  }
+  EXPECT_EQ(read("sep=;\nt;E\n0;1\n1;x\n").problems[0].message, "line 4: column 2 (E) is not a number");
 }
 
 TEST(DelimitedText, HasOneDecimalMark) {
