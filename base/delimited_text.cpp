@@ -117,9 +117,11 @@ double DelimitedText::number(std::size_t column, std::string_view hint) {
   if (const auto value = value_of(cell)) return *value;
   const bool mixed =
       decimal_mark_ != 0 && cell.find(decimal_mark_ == ',' ? '.' : ',') != std::string_view::npos;
-  complain(
-      column_name(column) + " is not a number", cell,
-      mixed ? std::string("the decimal mark of this table is '") + decimal_mark_ + "'" : std::string(hint));
+  const auto why = may_be_thousands(cell)
+                       ? "it may be 1000 times more: say whether the decimal mark is a comma"
+                   : mixed ? std::string("the decimal mark of this table is '") + decimal_mark_ + "'"
+                           : std::string(hint);
+  complain(column_name(column) + " is not a number", cell, why);
   return gap;
 }
 
@@ -154,6 +156,7 @@ std::optional<double> DelimitedText::value_of(std::string_view cell) {
   const auto at = cell.find_first_of(".,");
   const char mark = at == std::string_view::npos ? decimal_mark_ : cell[at];
   if (decimal_mark_ != 0 && mark != decimal_mark_) return std::nullopt;
+  if (may_be_thousands(cell)) return std::nullopt;
   std::array<char, longest> point{};
   if (mark == ',' && at != std::string_view::npos) {
     if (cell.size() > longest) return std::nullopt;
@@ -166,6 +169,14 @@ std::optional<double> DelimitedText::value_of(std::string_view cell) {
   if (error != std::errc{} || end != cell.data() + cell.size() || !std::isfinite(value)) return std::nullopt;
   decimal_mark_ = mark;
   return value;
+}
+
+// "1,500" between commas, before any decimal has come: 1500 or 1.5.
+bool DelimitedText::may_be_thousands(std::string_view cell) const {
+  const auto comma = cell.find(',');
+  return decimal_mark_ == 0 && delimiter_ == ',' && comma != std::string_view::npos &&
+         cell.size() == comma + 4 &&
+         cell.find_first_not_of("0123456789", comma + 1) == std::string_view::npos;
 }
 
 // The next row that says something.

@@ -71,6 +71,7 @@ class DelimitedText {
   static bool is_end(char c) { return c == '\n' || c == '\r'; }
   std::optional<double> value_of(std::string_view cell);
   char separator_line();
+  bool may_be_thousands(std::string_view cell) const;
   char find_delimiter(std::string_view text) const;
 
   std::string_view rest_;

@@ -149,6 +149,14 @@ TEST(DelimitedText, HasOneDecimalMark) {
   EXPECT_EQ(found.problems[0].hint, "the decimal mark of this table is ','");
 }
 
+TEST(DelimitedText, DoesNotGuessWhatACommaBetweenCommasIs) {
+  const std::string text = "t,E\n0,\"1,500\"\n1,2\n";
+  ASSERT_EQ(read(text).problems.size(), 1u);
+  EXPECT_THAT(read(text).problems[0].hint, HasSubstr("decimal mark"));
+  EXPECT_EQ(read(text, {.delimiter = {}, .decimal_comma = true, .names = {}}).rows, (Rows{{0, 1.5}, {1, 2}}));
+  EXPECT_EQ(read("t,E\n\"0,5\",\"1,500\"\n1,2\n").rows, (Rows{{0.5, 1.5}, {1, 2}}));
+}
+
 // Whatever is written is read again, in every dialect.
 TEST(DelimitedText, GivesBackWhatWasWritten) {
   std::mt19937_64 random(7);
