@@ -75,7 +75,7 @@ std::vector<Imported> of_tester(const CsvImport& import, SourceKind kind, std::v
     for (const auto& c : table.columns)
       columns.push_back(c.unit.empty() ? c.name : c.name + " [" + c.unit + "]");
     device["columns"] = std::move(columns);
-    const auto stated = specimen_in_header(table);
+    const auto stated = specimen_in_header(table, given_specimen(import));
     auto identity = identity_of(import);
     const auto own = title_of(table, stated);
     identity.title = identity.title.empty() ? own : identity.title + ": " + own;

@@ -334,6 +334,26 @@ TEST(Imports, DamageIsRefusedWithItsLine) {
   EXPECT_THAT(refusal(of(replaced(piezo, "Averages: 1", "Averages \x1b[31m"))), HasSubstr("line "));
 }
 
+TEST(Imports, LinesThatASpreadsheetPaddedAreRead) {
+  for (const auto& text : {imports::aixacct_piezo(2), imports::radiant_hysteresis()}) {
+    std::string padded;
+    for (const char c : text) {
+      if (c == '\n') padded.insert(padded.size() - (padded.ends_with('\r') ? 1 : 0), 3, '\t');
+      padded += c;
+    }
+    const auto tables = import(padded), plain = import(text);
+    ASSERT_EQ(tables.size(), plain.size());
+    EXPECT_EQ(tables[0].recording.at(Channel::charge), plain[0].recording.at(Channel::charge));
+  }
+}
+
+TEST(Imports, AHeaderThatIsWrongIsNotReadWhereTheUserKnowsBetter) {
+  auto given = of(replaced(imports::aixacct_piezo(1), "Area [mm2]: ", "Area [mm2]: -"));
+  EXPECT_THAT(refusal(given), HasSubstr("Area is below zero"));
+  given.area = 50e-6;
+  EXPECT_EQ(import_tables(given, std::nullopt)[0].recording.header.specimen.area, 50e-6);
+}
+
 TEST(Imports, WhatTheUserSaysWins) {
   auto given = of(imports::aixacct_hysteresis(1));
   given.layer_thickness = 100e-9;

@@ -13,19 +13,23 @@ namespace {
 
 constexpr double lengths_close = 5e-3;
 
-std::optional<double> length_in(const TesterTable& table, std::string_view key, Quantity quantity) {
+// Nothing can be wrong with what the user says better.
+std::optional<double> length_in(const TesterTable& table, std::string_view key, Quantity quantity,
+                                bool given) {
   const auto value = table.find(key);
   if (!value) return std::nullopt;
-  const auto refuse = [&](const std::string& what, const std::string& given, const nlohmann::json& allowed) {
+  const auto refuse = [&](const std::string& what, const std::string& text, const nlohmann::json& allowed) {
     throw Error(ErrorCode::bad_recording, "the file's header cannot be understood",
                 Problem{.message = "line " + std::to_string(value->line) + ": " + std::string(key) + what,
-                        .given = excerpt(given),
+                        .given = excerpt(text),
                         .allowed = allowed});
   };
   const std::array quantities{quantity};
   const auto* unit = find_unit(value->unit, quantities);
+  if (given && (unit == nullptr || !value->number || !(*value->number >= 0))) return std::nullopt;
   if (unit == nullptr) refuse(" has a unit that is not understood here", value->unit, units_of(quantities));
-  if (!value->number || !(*value->number >= 0)) refuse(" is no number", value->text, nullptr);
+  if (!value->number) refuse(" is no number", value->text, nullptr);
+  if (!(*value->number >= 0)) refuse(" is below zero", value->text, nullptr);
   // Zero is what testers write where nobody has entered it.
   if (*value->number == 0) return std::nullopt;
   return *value->number * unit->si;
@@ -52,12 +56,13 @@ std::optional<double> settle(const std::optional<double>& given, const std::opti
 
 }  // namespace
 
-KnownSpecimen specimen_in_header(const TesterTable& table) {
+KnownSpecimen specimen_in_header(const TesterTable& table, const KnownSpecimen& given) {
   KnownSpecimen out;
   for (const std::string_view key : {"Area", "Sample Area"})
-    if (!out.area) out.area = length_in(table, key, Quantity::area);
+    if (!out.area) out.area = length_in(table, key, Quantity::area, given.area.has_value());
   for (const std::string_view key : {"Thickness", "Sample Thickness"})
-    if (!out.layer_thickness) out.layer_thickness = length_in(table, key, Quantity::displacement);
+    if (!out.layer_thickness)
+      out.layer_thickness = length_in(table, key, Quantity::displacement, given.layer_thickness.has_value());
   if (const auto layers = table.find("Number Of Ceramic Layers"); layers && layers->number) {
     constexpr double most_layers = 1e6;
     if (*layers->number >= 1 && *layers->number <= most_layers)

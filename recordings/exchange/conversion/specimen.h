@@ -17,9 +17,9 @@ struct KnownSpecimen {
   std::optional<std::int64_t> layer_count{};
 };
 
-// Area, thickness, layers and name as testers write them; a unit that is not understood is
-// Error(bad_recording).
-KnownSpecimen specimen_in_header(const TesterTable& table);
+// Area, thickness, layers and name as testers write them; what is not understood is Error(bad_recording),
+// unless it is given.
+KnownSpecimen specimen_in_header(const TesterTable& table, const KnownSpecimen& given);
 
 // Error(invalid_params) with a problem for each of them that nobody says. The length is that of all layers
 // where nobody says another one, unless `demand_length`. What was taken from where goes into `findings`.

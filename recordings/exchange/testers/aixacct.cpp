@@ -81,14 +81,15 @@ class AixacctFile {
                       .header = {},
                       .columns = {}};
     const auto begin = lines_.number();
-    while (lines_.next() && lines_.text().find('\t') == std::string_view::npos) {
+    const auto names_columns = [this] { return trimmed(lines_.text()).find('\t') != std::string_view::npos; };
+    while (lines_.next() && !names_columns()) {
       const auto line = trimmed(lines_.text());
       if (line.find(':') == std::string_view::npos)
         lines_.refuse("should be a line of the header of " + table.label + ", or name its columns", line,
                       "the file was cut off or changed; export it once more");
       table.header.push_back({to_utf8(line), lines_.number()});
     }
-    if (lines_.text().find('\t') == std::string_view::npos)
+    if (!names_columns())
       lines_.refuse("the file ends within the header of " + table.label, "",
                     "the file was cut off; export it once more");
     const std::string headings(lines_.text());

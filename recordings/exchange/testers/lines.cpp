@@ -121,7 +121,7 @@ void split_tabs(std::string_view line, std::vector<std::string_view>& cells) {
     if (tab == std::string_view::npos) break;
     line.remove_prefix(tab + 1);
   }
-  if (cells.size() > 1 && cells.back().empty()) cells.pop_back();
+  while (cells.size() > 1 && cells.back().empty()) cells.pop_back();
 }
 
 }  // namespace ferrobench::recordings

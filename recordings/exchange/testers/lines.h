@@ -34,7 +34,7 @@ class Lines {
 // As it is where it is UTF-8, else out of Windows' code page 1252.
 std::string to_utf8(std::string_view bytes);
 std::string_view trimmed(std::string_view text);
-// The cells between tabs; one that is empty at the end is left out.
+// The cells between tabs; those that are empty at the end, as a spreadsheet pads a line, are left out.
 void split_tabs(std::string_view line, std::vector<std::string_view>& cells);
 
 }  // namespace ferrobench::recordings
