@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <iostream>
+#include <map>
 
 #include "base/fields.h"
 #include "base/headings.h"
@@ -171,8 +172,23 @@ void tell(const std::string& file, const std::vector<recordings::Imported>& impo
               << visible(finding.message) << '\n';
 }
 
+// Files of one name would become the same recordings, and the last one alone would be left.
+void demand_names_of_their_own(const ImportOptions& o) {
+  std::map<std::string, std::string> files;
+  for (const auto& file : o.files) {
+    const auto [at, is_new] = files.emplace(fs::path(file).stem().string(), file);
+    if (!is_new)
+      throw Error(ErrorCode::invalid_params, "two files would become the same recordings",
+                  Problem{.path = "/out",
+                          .message = "has one place for \"" + at->second + "\" and \"" + file + "\"",
+                          .given = o.out,
+                          .hint = "import them into two folders, one by one"});
+  }
+}
+
 int import(const ImportOptions& o, const Common& common) {
   const auto map = map_of(o);
+  if (!o.out.empty()) demand_names_of_their_own(o);
   for (const auto& file : o.files) {
     std::vector<std::string> targets;
     try {

@@ -81,6 +81,17 @@ TEST_F(ImportCommand, AFolderTakesAllTables) {
   EXPECT_FALSE(std::filesystem::exists(place("one.h5")));
 }
 
+TEST_F(ImportCommand, FilesOfOneNameAreRefusedBeforeAnythingIsWritten) {
+  std::filesystem::create_directories(folder.path / "a");
+  std::filesystem::create_directories(folder.path / "b");
+  const auto first = put("a/loops.dat", imports::aixacct_piezo(1));
+  const auto second = put("b/loops.txt", imports::aixacct_piezo(2));
+  EXPECT_NE(run({first, second, "--out", place("made"), "--force"}), 0);
+  EXPECT_THAT(err, HasSubstr(first));
+  EXPECT_THAT(err, HasSubstr(second));
+  EXPECT_FALSE(std::filesystem::exists(place("made")));
+}
+
 TEST_F(ImportCommand, LengthsInTheUnitsOfTheUser) {
   const auto file = put("forc.csv", imports::easyexpert());
   EXPECT_NE(run({file, "--out", place("made")}), 0);
