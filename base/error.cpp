@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cstdio>
 #include <utility>
 
@@ -82,7 +83,11 @@ std::string list_in_words(const nlohmann::json& names) {
   std::string text;
   for (std::size_t i = 0; i < shown; ++i) {
     const bool last = i + 1 == shown && left == 0;
-    text += (i == 0 ? "" : last ? " or " : ", ") + in_words(names[i]);
+    // A comma among commas is none that one reads.
+    const auto name = in_words(names[i]);
+    const bool mark =
+        !name.empty() && std::ranges::none_of(name, [](unsigned char c) { return std::isalnum(c); });
+    text += (i == 0 ? "" : last ? " or " : ", ") + (mark ? '"' + name + '"' : name);
   }
   return left == 0 ? text : text + " and " + std::to_string(left) + " more";
 }

@@ -42,7 +42,14 @@ json map_of(const ImportOptions& o) {
   for (const auto& [key, value] : set.items()) {
     auto path = "/" + key;
     std::ranges::replace(path, '.', '/');
-    map[json::json_pointer(path)] = value;
+    try {
+      map[json::json_pointer(path)] = value;
+    } catch (const json::exception&) {
+      throw Error(ErrorCode::invalid_params, "what is known of the columns is not valid",
+                  Problem{.path = "/set",
+                          .message = "\"" + key + "\" leads to no key of the map",
+                          .hint = "for example area_mm2=25 or field.unit=V"});
+    }
   }
   return map;
 }
@@ -67,9 +74,15 @@ std::vector<Renamed> to_si(json& map) {
     const std::array wanted{quantity};
     const auto before = map;
     for (const auto& [key, value] : before.items()) {
-      if (!key.starts_with(name) || key == si || !value.is_number()) continue;
+      if (!key.starts_with(name) || key == si) continue;
       const auto* unit = find_unit(std::string_view(key).substr(name.size()), wanted);
       if (unit == nullptr) continue;
+      if (!value.is_number())
+        throw Error(ErrorCode::invalid_params, "what is known of the columns is not valid",
+                    Problem{.path = "/" + key,
+                            .message = "must be a number",
+                            .given = value,
+                            .hint = "with a point before decimals, as 25.5"});
       if (map.contains(si))
         throw Error(ErrorCode::invalid_params, "what is known of the columns is not valid",
                     Problem{.path = "/" + key, .message = "is given twice: " + si + " says the same"});

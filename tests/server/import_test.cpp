@@ -110,6 +110,22 @@ TEST_F(ImportCommand, LengthsInTheUnitsOfTheUser) {
   EXPECT_THAT(err, HasSubstr("given twice"));
 }
 
+TEST_F(ImportCommand, SettingsThatCannotBe) {
+  const auto file = put("loops.csv", "time_s,field [kV/mm]\n0,0\n1,1\n2,0\n");
+  for (const auto& [settings, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"area_mm2=25,0"}, "area_mm2: must be a number: \"25,0\""},
+           {{"a~b=1"}, "\"a~b\" leads to no key of the map"},
+           {{"field..unit=V"}, "\"field..unit\" leads to no key of the map"},
+           {{"time=2", "time.number=1"}, "\"time.number\" leads to no key of the map"},
+           {{"delimiter=tab"}, "allowed: \",\", \";\", \"\\t\" or \" \""}}) {
+    std::vector<std::string> words{file};
+    for (const auto& setting : settings) words.insert(words.end(), {"--set", setting});
+    EXPECT_NE(run(words), 0);
+    EXPECT_THAT(err, HasSubstr(said));
+    EXPECT_THAT(err, Not(HasSubstr("json.exception")));
+  }
+}
+
 TEST_F(ImportCommand, OneTableIntoAFileAsEver) {
   const auto file = put("loops.csv", "time_s,field [kV/mm]\n0,0\n1,1\n2,0\n");
   ASSERT_EQ(run({file, "--out", place("one.h5"), "--set", "length_m=0.018", "--set", "area_m2=25e-6", "--set",
