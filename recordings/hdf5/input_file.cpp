@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/fields.h"
+#include "recordings/format/others.h"
 #include "recordings/format/sound.h"
 #include "recordings/hdf5/input.h"
 
@@ -205,7 +206,7 @@ std::vector<RawColumn> read_raw(const Input& in) {
 
 // What another program has put there, and what is no column of ours, is left where it is.
 std::vector<ColumnName> read_others(const Input& in, std::uint64_t rows) {
-  constexpr std::size_t most = 256, longest = 64;
+  constexpr std::size_t longest = 64;
   const std::string group = "/entry/others";
   std::vector<ColumnName> out;
   if (!in.has(group)) return out;
@@ -217,7 +218,7 @@ std::vector<ColumnName> read_others(const Input& in, std::uint64_t rows) {
     const auto place = other_place(name);
     if (!is_name(name) || std::ranges::find(out, name, &ColumnName::name) != out.end())
       in.fail(group + "@columns", "names a column that cannot be one, or twice");
-    if (out.size() >= most) in.fail(group + "@columns", "names more columns than are read");
+    if (out.size() >= most_other_columns) in.fail(group + "@columns", "names more columns than are read");
     if (const auto size = in.numeric_size(place); size.rows != rows || size.columns != 0)
       in.fail(place, "differs in length from time");
     out.push_back({name, in.text_attribute(place, "units").value_or(""),

@@ -104,8 +104,7 @@ Imported recording_of(Measured&& m, Specimen specimen, const Identity& identity,
   for (const auto channel : all_channels)
     if (auto& values = m.channel(channel)) r.set(channel) = std::move(*values);
   if (m.current) r.others.push_back({{"current", "A", "current"}, std::move(*m.current)});
-  for (auto& other : m.others)
-    if (other.as.name != "current") r.others.push_back(std::move(other));
+  for (auto& other : m.others) r.others.push_back(std::move(other));
   r.header.title = identity.title;
   r.header.start_time = iso_now();
   r.header.entry_identifier = to_string(boost::uuids::random_generator()());

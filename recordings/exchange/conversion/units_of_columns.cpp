@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/fields.h"
+#include "recordings/format/others.h"
 
 namespace ferrobench::recordings {
 namespace {
@@ -89,17 +90,25 @@ Values demand_column(TesterTable& table, std::string_view name, Quantity quantit
 
 void take_others(TesterTable& table, Measured& m) {
   std::string unmeasured;
+  std::size_t too_many = 0;
   for (auto& column : table.columns) {
     if (!is_measured(column.values) && m.time.size() > 1) {
       unmeasured += (unmeasured.empty() ? "" : ", ") + column.name;
+      continue;
+    }
+    // One is left for the current.
+    if (m.others.size() + 1 >= most_other_columns) {
+      ++too_many;
       continue;
     }
     const auto* known = find_unit(column.unit, all_quantities);
     if (known != nullptr && known->si != 1)
       for (double& v : column.values) v *= known->si;
     auto name = plain_name(column.name);
+    // What is called so is a current in A, for whoever reads the recording.
     const auto taken = [&m](const std::string& n) {
-      return std::ranges::any_of(m.others, [&n](const OtherColumn& o) { return o.as.name == n; });
+      return n == "current" ||
+             std::ranges::any_of(m.others, [&n](const OtherColumn& o) { return o.as.name == n; });
     };
     for (int i = 2; taken(name); ++i) name = plain_name(column.name) + "_" + std::to_string(i);
     const auto unit = column.unit == "1" ? "" : column.unit;
@@ -109,6 +118,9 @@ void take_others(TesterTable& table, Measured& m) {
   table.columns.clear();
   if (!unmeasured.empty())
     m.say("note", "columns with one value only were not measured and are left out: " + unmeasured);
+  if (too_many > 0)
+    m.say("warning", "the last " + std::to_string(too_many) + " columns are left out: a recording holds " +
+                         std::to_string(most_other_columns) + " beside its channels");
 }
 
 bool is_measured(const Values& values) {
