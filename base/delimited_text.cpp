@@ -143,7 +143,7 @@ std::string DelimitedText::column_name(std::size_t column) const {
 void DelimitedText::complain(const std::string& message, std::string_view given, const std::string& hint) {
   problems_->push_back({.path = path_,
                         .message = "line " + std::to_string(row_line_) + ": " + message,
-                        .given = excerpt(given),
+                        .given = given.empty() ? nlohmann::json() : nlohmann::json(excerpt(given)),
                         .hint = hint});
 }
 

@@ -96,20 +96,38 @@ void look_at_the_end(std::string_view text, Findings& findings) {
         {"warning", "the last line has no end, as the others have: whether it is whole cannot be told"});
 }
 
-// The columns of a record as a map, unless the user says one.
-CsvImport with_map(const CsvImport& import, const EasyExpertRecord& record) {
+// The column of a record's is taken where the map names none.
+void fill(std::optional<ColumnMap>& map, const std::string& column) {
+  if (column.empty() || (map && map->names_a_column())) return;
+  if (!map) map.emplace();
+  map->column = column;
+}
+
+CsvImport with_columns(const CsvImport& import, const EasyExpertRecord& record) {
   auto out = import;
   out.csv = std::string(record.rows);
   out.delimiter = Delimiter::comma;
   out.header = record.named;
-  const bool mapped = import.time || import.sample_rate || import.field || import.command || import.current;
-  if (mapped || record.time.empty()) return out;
-  out.time = ColumnMap{.column = record.time, .unit = "s"};
-  if (!record.voltage.empty()) out.field = ColumnMap{.column = record.voltage, .unit = "V"};
-  if (!record.current.empty()) out.current = ColumnMap{.column = record.current, .unit = "A"};
-  // What flows out of a channel counts as positive there: through the specimen it flows into that one.
-  if (record.crossed && out.current) out.current->scale = -1;
+  if (!import.sample_rate) fill(out.time, record.time);
+  if (!import.command) fill(out.field, record.voltage);
+  fill(out.current, record.current);
   return out;
+}
+
+// What flows out of a channel counts as positive there: through the specimen it flows into that one. A column
+// that the user names is taken as it is written.
+void turn_current(CsvImport& out, const CsvImport& import, const EasyExpertRecord& record,
+                  Findings& findings) {
+  if (record.voltage.empty() || record.current.empty()) return;
+  const bool turned = !(import.current && import.current->names_a_column());
+  if (turned) {
+    out.current->scale = -out.current->scale.value_or(1);
+    if (out.current->unit.empty()) out.current->unit = "A";
+  }
+  findings.push_back(
+      {"note", record.voltage + " is a voltage and " + record.current +
+                   " a current, by the channels' operation modes" +
+                   (turned ? "; the current is that of the other channel, so its sign is turned" : "")});
 }
 
 std::vector<Imported> of_easyexpert(const CsvImport& import, SourceKind kind, const Progress& progress) {
@@ -117,16 +135,21 @@ std::vector<Imported> of_easyexpert(const CsvImport& import, SourceKind kind, co
   std::vector<Imported> out;
   for (std::size_t i = 0; i < records.size(); ++i) {
     const auto& record = records[i];
-    auto findings = record.findings;
+    TableInFile table{.first_line = record.first_line, .findings = record.findings};
+    auto& findings = table.findings;
+    auto given = with_columns(import, record);
+    turn_current(given, import, record, findings);
     if (!record.named) look_at_the_end(import.csv, findings);
     for (std::size_t k = 0; k < i; ++k)
       if (records[k].rows == record.rows)
         findings.push_back({"warning", "it has the same rows as table " + std::to_string(k + 1) +
                                            " of the file, value by value: one measurement, shown twice"});
-    auto device = device_of(kind == SourceKind::easyexpert ? "Keysight EasyEXPERT" : "DataValue rows", i + 1,
-                            records.size());
-    device["header"] = texts_of(record.header);
-    auto given = with_map(import, record);
+    table.device = device_of(kind == SourceKind::easyexpert ? "Keysight EasyEXPERT" : "DataValue rows", i + 1,
+                             records.size());
+    table.device["header"] = texts_of(record.header);
+    for (const auto& [column, unit] :
+         {std::pair{record.time, "s"}, std::pair{record.voltage, "V"}, std::pair{record.current, "A"}})
+      if (!column.empty()) table.units[column] = unit;
     for (const auto& line : record.header)
       if (line.text.starts_with("SetupTitle,"))
         given.title += (given.title.empty() ? "" : ": ") +
@@ -134,7 +157,7 @@ std::vector<Imported> of_easyexpert(const CsvImport& import, SourceKind kind, co
     const auto shown = [&](double share) {
       if (progress) progress((static_cast<double>(i) + share) / static_cast<double>(records.size()));
     };
-    out.push_back(import_csv_table(given, record.first_line, std::move(findings), std::move(device), shown));
+    out.push_back(import_csv_table(given, std::move(table), shown));
   }
   return out;
 }
@@ -161,10 +184,9 @@ std::vector<Imported> import_tables(const CsvImport& import, std::optional<Sourc
       out = of_easyexpert(import, which, progress);
       break;
     case SourceKind::csv: {
-      Findings findings;
-      look_at_the_end(import.csv, findings);
-      out.push_back(
-          import_csv_table(import, 1, std::move(findings), device_of("table in text", 1, 1), progress));
+      TableInFile table{.device = device_of("table in text", 1, 1)};
+      look_at_the_end(import.csv, table.findings);
+      out.push_back(import_csv_table(import, std::move(table), progress));
       break;
     }
   }

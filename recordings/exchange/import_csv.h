@@ -1,10 +1,12 @@
 // A table of samples in text as a recording. The other way is export.h.
 //
-// The text is read as base/delimited_text.h has it. Where a column's unit is not given it is that
-// of its heading (base/headings.h), and SI where that says none; one that is not understood is
-// refused.
+// The text is read as base/delimited_text.h has it. A channel's column is the one given, else the one whose
+// heading names the channel (base/headings.h). Where its unit is not given it is that of its heading, and SI
+// where that says none; one that is not understood is refused, and so is a voltage without a unit. Other
+// columns with a heading go along.
 #pragma once
 
+#include <map>
 #include <span>
 #include <string>
 #include <utility>
@@ -21,6 +23,7 @@ struct ColumnMap {
   std::string unit{};                    // "": that of the heading, unless there is a scale
   std::optional<double> scale{};
   double offset = 0;
+  bool names_a_column() const { return number || !column.empty(); }
 };
 template <class Visitor>
 void describe(Visitor& visit, ColumnMap& m) {
@@ -29,7 +32,8 @@ void describe(Visitor& visit, ColumnMap& m) {
   visit("unit", m.unit,
         {.doc = "of what is written: kV/mm, um, ...; absent: as the heading says, unless there is a scale; "
                 "else SI"});
-  visit("scale", m.scale, {.doc = "units in one that is written; without a unit: SI units"});
+  visit("scale", m.scale,
+        {.doc = "units in one that is written; without a unit: SI units, unless the heading says a unit"});
   visit("offset", m.offset, {.doc = "added after scaling, in SI"});
 }
 
@@ -40,7 +44,7 @@ struct CsvImport {
   std::string csv{}, title{}, source{};
   std::optional<Delimiter> delimiter{};
   std::optional<bool> decimal_comma{}, header{};
-  // None of these: the columns that are named time, command, field, charge, displacement, force.
+  // Absent: the columns that are named time, command, field, charge, displacement, force, ...
   std::optional<ColumnMap> time{}, command{}, field{}, charge{}, displacement{}, force{};
   std::optional<ColumnMap> current{}, polarization{};  // what a charge follows from
   std::optional<double> sample_rate{};                 // in place of time, Hz
@@ -52,7 +56,7 @@ struct CsvImport {
 };
 template <class Visitor>
 void describe(Visitor& visit, CsvImport& i) {
-  constexpr FieldInfo optional_column{.doc = "column of this channel, if it was measured"};
+  constexpr FieldInfo optional_column{.doc = "column of this channel, if it was measured; absent: named so"};
   visit("csv", i.csv, {.required = true, .doc = "the text: a table, or what a tester wrote"});
   visit(
       "length_m", i.length,
@@ -77,7 +81,7 @@ void describe(Visitor& visit, CsvImport& i) {
   visit("decimal_comma", i.decimal_comma, {.doc = "1,5 is one and a half; absent: found"});
   visit("header", i.header, {.doc = "whether the first row holds names; absent: found"});
   visit("time", i.time,
-        {.unit = "s", .doc = "column of the time; absent, with no other column: by their names"});
+        {.unit = "s", .doc = "column of the time; absent, as for each channel: the one that is named so"});
   visit("sample_rate_Hz", i.sample_rate,
         {.unit = "Hz", .min = 0, .exclusive_min = true, .doc = "in place of a column of the time"});
   visit("command", i.command, optional_column);
@@ -102,10 +106,18 @@ void describe(Visitor& visit, CsvImport& i) {
 KnownSpecimen given_specimen(const CsvImport& import);
 Identity identity_of(const CsvImport& import);
 
-// The table alone. `first_line` is that of the text in its file; what is found goes into the recording and
-// into `findings`. Throws Error(bad_recording) with the lines and columns that are wrong.
-Imported import_csv_table(const CsvImport& import, std::size_t first_line, Findings findings,
-                          nlohmann::json device, const Progress& progress = nullptr);
+// What the file says of a table in it.
+struct TableInFile {
+  std::size_t first_line = 1;  // of the table's text
+  Findings findings{};         // so far
+  nlohmann::json device = nlohmann::json::object();
+  std::map<std::string, std::string>
+      units{};  // of columns, by their names: a tester's, which has only channels
+};
+
+// The table alone; what is found goes into the recording, too. Throws Error(bad_recording) with the lines and
+// columns that are wrong.
+Imported import_csv_table(const CsvImport& import, TableInFile file, const Progress& progress = nullptr);
 Recording import_csv(const CsvImport& import);
 
 }  // namespace ferrobench::recordings

@@ -277,6 +277,27 @@ TEST(Imports, EasyExpertSaysWhichChannelIsWhat) {
   EXPECT_THAT(said(tables[1], "warning"), HasSubstr("the same rows as table 1"));
 }
 
+// A map that names the record's columns need not repeat their units; the sign is turned where the column is
+// not named, and the note says so.
+TEST(Imports, EasyExpertsUnitsHoldUnderAMap) {
+  auto given = of_film(imports::easyexpert());
+  const auto by_itself = import_tables(given, std::nullopt)[0];
+  const auto flowed = by_itself.recording.at(Channel::charge)[60];
+  EXPECT_THAT(said(by_itself, "note"), HasSubstr("its sign is turned"));
+  given.current = ColumnMap{.scale = -1};
+  const auto turned = import_tables(given, std::nullopt)[0];
+  EXPECT_DOUBLE_EQ(turned.recording.at(Channel::charge)[60], -flowed);
+  EXPECT_THAT(said(turned, "warning"), HasSubstr("runs against the field"));
+  given.field = ColumnMap{.column = "MeasResult1_value"};
+  given.current = ColumnMap{.column = "MeasResult2_value"};
+  const auto named = import_tables(given, std::nullopt)[0];
+  EXPECT_NEAR(named.recording.at(Channel::field)[50], 3 / 200e-9, 1);
+  EXPECT_DOUBLE_EQ(named.recording.at(Channel::charge)[60], -flowed);
+  EXPECT_THAT(said(named, "note"), testing::Not(HasSubstr("turned")));
+  given.field->scale = -1;
+  EXPECT_THAT(refusal(given), HasSubstr("/field/scale"));
+}
+
 TEST(Imports, BareRowsMustBeToldAndTheSignIsChecked) {
   auto given = of_film(imports::data_values());
   const auto message = refusal(given);

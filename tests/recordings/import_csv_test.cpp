@@ -88,17 +88,29 @@ TEST(ImportCsv, TakesUnitsFromHeadings) {
   EXPECT_THAT(r.at(Channel::force), ElementsAre(0, 4000));
 }
 
-// What the map says comes first: a scale that is given is not multiplied with what a heading says.
 TEST(ImportCsv, TakesUnitsFromTheMap) {
-  auto import = of("t_s,a_um,b_um,c\n0,0,0,0\n1,5,5,5\n");
+  auto import = of("t_s,a_V,b_um,c\n0,0,0,0\n1,5,5,5\n");
   import.time = ColumnMap{.column = "t_s"};
-  import.displacement = ColumnMap{.column = "a_um", .scale = 1e-9, .offset = 1};
+  import.displacement = ColumnMap{.column = "a_V", .scale = 1e-9, .offset = 1};
   import.command = ColumnMap{.column = "b_um", .unit = "kV"};
   import.field = ColumnMap{.column = "c", .unit = "V/m", .scale = 3};
   const auto r = import_csv(import);
   EXPECT_DOUBLE_EQ(r.at(Channel::displacement)[1], 1 + 5e-9);
   EXPECT_DOUBLE_EQ(r.at(Channel::command)[1], 5e3 / 1e-4);
   EXPECT_DOUBLE_EQ(r.at(Channel::field)[1], 15);
+}
+
+// A scale of -1 alone would make amperes of microamperes.
+TEST(ImportCsv, WantsTheUnitBesideAScaleWhereTheHeadingSaysOne) {
+  auto import = of("time_s,field [kV/mm],current [uA]\n0,0,1\n1,1,1\n2,0,1\n");
+  import.current = ColumnMap{.scale = -1};
+  const auto problems = problems_of(import);
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].path, "/current/scale");
+  EXPECT_EQ(problems[0].given, "uA");
+  EXPECT_THAT(problems[0].hint, HasSubstr("current.unit"));
+  import.current->unit = "uA";
+  EXPECT_DOUBLE_EQ(import_csv(import).at(Channel::charge)[1], -1e-6);
 }
 
 TEST(ImportCsv, RefusesUnitsThatAreNotUnderstood) {
@@ -177,6 +189,92 @@ TEST(ImportCsv, TakesOverloadsForGaps) {
                 HasSubstr("6 cells mark an overload of the meter by " + mark + ", the first in line 22"));
     EXPECT_THAT(findings,
                 HasSubstr("one sample of the charge lies far beside the others around, in line 12"));
+  }
+}
+
+// The map wins, and what it does not name goes by its heading.
+TEST(ImportCsv, ReadsByHeadingsWhatTheMapDoesNotName) {
+  auto import = of("time [s],U [V],displacement [um],charge [uC]\n0,0,0,0\n1,150,2,1\n");
+  import.field = ColumnMap{.column = "U [V]"};
+  const auto r = import_csv(import);
+  EXPECT_DOUBLE_EQ(r.at(Channel::field)[1], 1.5e6);
+  EXPECT_DOUBLE_EQ(r.at(Channel::displacement)[1], 2e-6);
+  EXPECT_DOUBLE_EQ(r.at(Channel::charge)[1], 1e-6);
+  EXPECT_TRUE(r.others.empty());
+  import.charge = ColumnMap{.column = "displacement [um]", .unit = "uC"};
+  EXPECT_FALSE(import_csv(import).has(Channel::displacement));
+  import = of("field,displacement [um]\n0,0\n150,2\n");
+  import.sample_rate = 100;
+  import.field = ColumnMap{.unit = "V"};
+  EXPECT_THAT(import_csv(import).time, ElementsAre(0, 0.01));
+  EXPECT_DOUBLE_EQ(import_csv(import).at(Channel::field)[1], 1.5e6);
+}
+
+TEST(ImportCsv, ReadsUnitsWithoutBracketsAndEitherSpelling) {
+  for (const std::string heading : {"polarization uC/cm2", "polarization_uC/cm2",
+                                    "Polarisation [\xc2\xb5"
+                                    "C/cm\xc2\xb2]",
+                                    "polarization [\xb5"
+                                    "C/cm\xb2]"})
+    EXPECT_DOUBLE_EQ(
+        import_csv(of("time [s],field [V]," + heading + "\n0,0,0\n1,1,2\n")).at(Channel::charge)[1],
+        2e-2 * 2.5e-5)
+        << heading;
+}
+
+TEST(ImportCsv, TellsAndKeepsColumnsThatAreNoChannel) {
+  const auto r =
+      import_csv(of("time [s],field [V],displacement 1 [um],displacement 2 [um],strain "
+                    "[%],remark\n0,0,0,1,5,a\n1,1,1,2,6,\n"));
+  EXPECT_FALSE(r.has(Channel::displacement));
+  const auto findings = r.header.device["findings"].dump();
+  EXPECT_THAT(
+      findings,
+      HasSubstr("columns not read as channels: displacement 1 [um], displacement 2 [um], strain [%]"));
+  EXPECT_THAT(findings, HasSubstr("columns without numbers are not read: remark"));
+  ASSERT_EQ(r.others.size(), 3u);
+  EXPECT_EQ(r.others[1].as.name, "displacement_2");
+  EXPECT_EQ(r.others[1].as.unit, "m");
+  EXPECT_THAT(r.others[1].values, ElementsAre(1e-6, 2e-6));
+  EXPECT_EQ(r.others[2].as.unit, "%");
+}
+
+TEST(ImportCsv, TakesAVoltageForTheFieldOnlyWithItsUnit) {
+  EXPECT_DOUBLE_EQ(import_csv(of("time [s],voltage [V]\n0,0\n1,150\n")).at(Channel::field)[1], 1.5e6);
+  EXPECT_DOUBLE_EQ(import_csv(of("time [s],voltage [V],field [V/m]\n0,0,0\n1,150,3\n")).at(Channel::field)[1],
+                   3);
+  auto import = of("time [s],voltage\n0,0\n1,150\n");
+  for (const bool mapped : {false, true}) {
+    if (mapped) import.field = ColumnMap{.column = "voltage"};
+    const auto problems = problems_of(import);
+    ASSERT_EQ(problems.size(), 1u);
+    EXPECT_EQ(problems[0].path, "/field/column");
+    EXPECT_THAT(problems[0].message, HasSubstr("is a voltage that says no unit"));
+    EXPECT_THAT(problems[0].hint, HasSubstr("field.unit"));
+  }
+  import.field->unit = "V";
+  EXPECT_DOUBLE_EQ(import_csv(import).at(Channel::field)[1], 1.5e6);
+}
+
+TEST(ImportCsv, TellsOnceWhereTheTimeDoesNotRise) {
+  auto problems = problems_of(of("time [ms],field [V]\n0,1\n2,2\n2,3\n1,4\n"));
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].message, "line 4: the time does not rise");
+  EXPECT_EQ(problems[0].given, "0.002 s after 0.002 s");
+  EXPECT_THAT(problems[0].hint, HasSubstr("sample_rate_Hz"));
+  problems = problems_of(of("time [s],field [V]\n0,1\n,2\n2,3\n"));
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].message, "line 3: the time is missing");
+  problems = problems_of(of("time [s],field [V]\n0,1\nx,2\n2,3\n"));
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_THAT(problems[0].message, HasSubstr("is not a number"));
+}
+
+TEST(ImportCsv, TellsOfARowOfUnits) {
+  for (const std::string row : {"s,kV/mm,um", "[s],[kV/mm],[um]"}) {
+    const auto problems = problems_of(of("time,field,displacement\n" + row + "\n0,0,0\n1,1,1\n"));
+    ASSERT_EQ(problems.size(), 1u) << row;
+    EXPECT_EQ(problems[0].message, "line 2: holds the units of the columns, and no samples");
   }
 }
 

@@ -159,7 +159,7 @@ void check_energy(Measured& m) {
   m.say("warning",
         "the charge runs against the field: a specimen would give energy, loop by loop. The current has the "
         "sign of "
-        "the other electrode; a scale of -1 turns it");
+        "the other electrode; in a map, a scale of -1 beside its unit turns it");
 }
 
 }  // namespace ferrobench::recordings

@@ -153,12 +153,6 @@ class EasyExpertFile {
       return;
     }
     if (now_.time.empty()) return;
-    now_.crossed = !now_.voltage.empty() && !now_.current.empty();
-    if (now_.crossed)
-      now_.findings.push_back(
-          {"note", now_.voltage + " is a voltage and " + now_.current +
-                       " a current, by the channels' operation modes; the current is that "
-                       "of the other channel, so its sign is turned"});
     if (differing_ == 0)
       now_.findings.push_back({"check", "the times of all channels are the same in every row"});
     else

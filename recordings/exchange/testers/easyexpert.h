@@ -22,9 +22,9 @@ struct EasyExpertRecord {
   std::string_view rows{};  // from DataName, or else the first DataValue, to the last DataValue
   std::size_t first_line = 0;
   bool named = false;
-  // By the operation modes of the channels, those of the record before where this one says none.
+  // By the operation modes of the channels, those of the record before where this one says none. Each channel
+  // has one mode, so the current is that of another one than the voltage.
   std::string time{}, voltage{}, current{};
-  bool crossed = false;  // the current is that of another channel than the voltage
   Findings findings{};
 };
 
