@@ -112,6 +112,11 @@ std::string x_step(const Figure& figure) {
   return number_in_full(10 * power);
 }
 
+// How a logarithmic axis is numbered: by powers of ten, as decimals of many decades run into each other.
+std::string x_format(const Figure& figure) {
+  return figure.log_x ? "'10^{%L}'" : "'% h'";
+}
+
 std::string script(const std::vector<Figure>& figures, const ScratchFolder& folder) {
   std::string out =
       "set encoding utf8\nset grid lc rgb '#a0a0a0' lw 0.4\nset border 3 lw 0.8\nset tics nomirror\n"
@@ -141,7 +146,7 @@ std::string script(const std::vector<Figure>& figures, const ScratchFolder& fold
     out += below ? "set key outside center bottom horizontal maxcols 2 title ' '\n"
                  : "set key outside right top vertical maxcols auto title ''\n";
     out += figure.log_x ? "set logscale x\n" : "unset logscale x\n";
-    out += "set xtics " + x_step(figure) + '\n';
+    out += "set format x " + x_format(figure) + "\nset xtics " + x_step(figure) + '\n';
     out += "set xlabel " + quoted(figure.x_label) + " noenhanced\nset ylabel " + quoted(figure.y_label) +
            " noenhanced\n";
     if (figure.map) {

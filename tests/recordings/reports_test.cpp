@@ -275,6 +275,17 @@ TEST(Render, HtmlIsOnePageWithNothingOfTheFileUnescaped) {
               page.find("No picture: gnuplot is not installed") != std::string::npos);
 }
 
+TEST(Render, ALogarithmicAxisIsNumberedByPowersOfTen) {
+  const Series line{.label = "", .points = {{1e-4, 0}, {600, 1}}};
+  const auto drawing = draw({{.title = "t", .x_label = "x", .y_label = "y", .log_x = true, .series = {line}},
+                             {.title = "t", .x_label = "x", .y_label = "y", .series = {line}}});
+  if (drawing.problem == "gnuplot is not installed") GTEST_SKIP() << drawing.problem;
+  ASSERT_EQ(drawing.problem, "");
+  EXPECT_THAT(drawing.svg[0], HasSubstr(">-4<"));
+  EXPECT_THAT(drawing.svg[0], Not(HasSubstr("0.0001")));
+  EXPECT_THAT(drawing.svg[1], HasSubstr(" 600<")) << "the next one has decimals again";
+}
+
 TEST(Render, MissingGnuplotIsSaid) {
   const auto drawing =
       draw({{.title = "t", .x_label = "x", .y_label = "y", .series = {{"", {{0, 0}, {1, 1}}}}}},
