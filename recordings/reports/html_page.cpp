@@ -20,7 +20,7 @@ th, td { padding: .15rem .6rem; text-align: right; border-bottom: 1px solid #888
 th { font-weight: 600; vertical-align: bottom; white-space: normal; } th small { font-weight: 400; opacity: .7; }
 td.clipped { color: #b00020; }
 @media screen and (prefers-color-scheme: dark) { td.clipped { color: #ff8e8e; } }
-td.text { text-align: left; white-space: normal; }
+td.text { text-align: left; } td.long { white-space: normal; }
 .note { opacity: .7; font-size: .9rem; margin: .3rem 0; }
 .pair { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1rem; }
 figure { margin: .5rem 0; } figcaption { font-weight: 600; } svg { width: 100%; height: auto; }

@@ -25,7 +25,21 @@ std::string shown(const Cell& cell) {
   return "-";
 }
 
+// With as many digits as tell it from the one before and after: late in a recording, four are not enough.
+std::string start_text(const Table& table, std::size_t row, std::size_t column) {
+  const double start = std::get<double>(table.rows[row][column]);
+  double nearest = INFINITY;
+  for (const auto other : {row - 1, row + 1})
+    if (const auto* beside =
+            other < table.rows.size() ? std::get_if<double>(&table.rows[other][column]) : nullptr)
+      if (*beside != start && std::abs(*beside - start) < std::abs(nearest - start)) nearest = *beside;
+  if (std::isinf(nearest)) return number_text(start);
+  return start < nearest ? interval_text(start, nearest).first : interval_text(nearest, start).second;
+}
+
 std::string shown(const Table& table, std::size_t row, std::size_t column) {
+  if (table.columns[column].key == "start_s" && std::holds_alternative<double>(table.rows[row][column]))
+    return start_text(table, row, column);
   const auto known = table.uncertainty.find({row, column});
   const auto* number = std::get_if<double>(&table.rows[row][column]);
   const auto text = known != table.uncertainty.end() && number != nullptr
@@ -101,6 +115,13 @@ std::string replaced(std::string_view text, std::initializer_list<std::pair<char
     }
   }
   return out;
+}
+
+// Labels stay on their line; messages of events do not fit on one.
+const char* text_cell(const Cell& cell) {
+  constexpr std::size_t longest_label = 40;
+  return width(std::get<std::string>(cell)) > longest_label ? "<td class=\"text long\">"
+                                                            : "<td class=\"text\">";
 }
 
 // Rows of aligned text between `edge`s.
@@ -306,7 +327,7 @@ std::string to_html(const Table& table) {
     out += "<tr>";
     for (std::size_t i = 0; i < table.rows[row].size(); ++i)
       out += std::string(table.clipped.contains({row, i}) ? "<td class=\"clipped\">"
-                         : is_text(table.rows[row][i])    ? "<td class=\"text\">"
+                         : is_text(table.rows[row][i])    ? text_cell(table.rows[row][i])
                                                           : "<td>") +
              escape_html(shown(table, row, i)) + "</td>";
     out += "</tr>\n";

@@ -286,6 +286,14 @@ TEST(Render, ALogarithmicAxisIsNumberedByPowersOfTen) {
   EXPECT_THAT(drawing.svg[1], HasSubstr(" 600<")) << "the next one has decimals again";
 }
 
+TEST(Render, StartsOfShortCyclesAreToldApart) {
+  Table table{.key = "k", .title = "t", .columns = {{"start_s", "start", "s"}}, .rows = {}, .notes = {}};
+  for (const double start : {0.0, 1200.024, 1200.464, 1200.904}) table.add({start});
+  const auto text = to_text(table);
+  for (const auto* start : {"1200.02", "1200.46", "1200.9"}) EXPECT_THAT(text, HasSubstr(start));
+  EXPECT_THAT(to_csv(table), HasSubstr("1200.464\n"));
+}
+
 TEST(Render, MissingGnuplotIsSaid) {
   const auto drawing =
       draw({{.title = "t", .x_label = "x", .y_label = "y", .series = {{"", {{0, 0}, {1, 1}}}}}},
