@@ -9,35 +9,86 @@ namespace {
 
 using nlohmann::json;
 
+// Over pairs that are both known.
+class Differences {
+ public:
+  void add(double a, double b) {
+    if (std::isnan(a) || std::isnan(b)) return;
+    ++known_;
+    if (a == b) return;
+    squares_ += (b - a) * (b - a);
+    sum_ += b - a;
+    maximum_ = std::max(maximum_, std::abs(b - a));
+  }
+  void give(ColumnDifference& out) const {
+    const double known = std::max(known_, 1.0);
+    out.rms = std::sqrt(squares_ / known);
+    out.mean = sum_ / known;
+    out.maximum = maximum_;
+  }
+
+ private:
+  double known_ = 0, squares_ = 0, sum_ = 0, maximum_ = 0;
+};
+
 // Where the column differs. `at_a` and `at_b` give the value of a row.
 template <class A, class B>
 void look(ColumnDifference& out, A&& at_a, B&& at_b) {
   const auto both = std::min(out.rows_a, out.rows_b);
-  double squares = 0, sum = 0, known = 0;
+  Differences found;
   const auto note = [&out](std::uint64_t row, std::optional<double> a, std::optional<double> b) {
     ++out.unequal;
     if (!out.first) out.first = {row, a, b};
   };
   for (std::uint64_t i = 0; i < both; ++i) {
     const double a = at_a(i), b = at_b(i);
-    if (std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b)) {
-      known += !std::isnan(a);
-      continue;
-    }
-    if (std::isnan(a) && std::isnan(b)) continue;
-    note(i, a, b);
-    if (std::isnan(a) || std::isnan(b)) continue;
-    ++known;
-    squares += (b - a) * (b - a);
-    sum += b - a;
-    out.maximum = std::max(out.maximum, std::abs(b - a));
+    const bool same = std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+    if (!same && !(std::isnan(a) && std::isnan(b))) note(i, a, b);
+    found.add(a, b);
   }
   for (auto i = both; i < std::max(out.rows_a, out.rows_b); ++i)
     note(i, i < out.rows_a ? std::optional(at_a(i)) : std::nullopt,
          i < out.rows_b ? std::optional(at_b(i)) : std::nullopt);
-  if (known == 0) return;
-  out.rms = std::sqrt(squares / known);
-  out.mean = sum / known;
+  found.give(out);
+}
+
+// The value of a channel at t; NaN beyond its ends and in a gap.
+double interpolated(const std::vector<double>& time, const std::vector<double>& values, double t) {
+  if (time.empty() || !(t >= time.front() && t <= time.back())) return NAN;
+  const auto after = static_cast<std::size_t>(std::ranges::lower_bound(time, t) - time.begin());
+  if (after == time.size()) return NAN;  // times of a foreign file need not rise
+  if (after == 0 || time[after] == t) return values[after];
+  const auto before = after - 1;
+  return std::lerp(values[before], values[after], (t - time[before]) / (time[after] - time[before]));
+}
+
+bool same_times(const std::vector<double>& a, const std::vector<double>& b) {
+  for (std::size_t i = 1; i < std::min(a.size(), b.size()); ++i)
+    if (std::abs(a[i] - b[i]) > 0.5 * std::min(a[i] - a[i - 1], b[i] - b[i - 1])) return false;
+  return true;
+}
+
+// In place of figures that were taken row by row.
+void look_by_time(Difference& out, const Recording& a, const Recording& b) {
+  out.by_time = true;
+  const auto& times = a.size() <= b.size() ? a.time : b.time;
+  const auto both_have = [&](double t) {
+    return t >= std::max(a.time.front(), b.time.front()) && t <= std::min(a.time.back(), b.time.back());
+  };
+  out.common = static_cast<std::uint64_t>(std::ranges::count_if(times, both_have));
+  for (auto& c : out.columns) {
+    if (!c.in_a || !c.in_b) continue;
+    const auto channel =
+        std::ranges::find_if(all_channels, [&](Channel each) { return c.dataset == channel_place(each); });
+    if (channel == all_channels.end()) {
+      c.rms = c.mean = c.maximum = NAN;
+      continue;
+    }
+    Differences found;
+    for (const double t : times)
+      found.add(interpolated(a.time, a.at(*channel), t), interpolated(b.time, b.at(*channel), t));
+    found.give(c);
+  }
 }
 
 ColumnDifference column(const std::string& dataset, const std::string& unit, const std::vector<double>* a,
@@ -175,16 +226,25 @@ bool Difference::same_samples() const {
 
 Difference compare(const Recording& a, const Recording& b) {
   Difference out{.columns = columns_of(a, b), .tables = {}, .header = {}};
+  if (!same_times(a.time, b.time)) look_by_time(out, a, b);
   differ(tables_of(a), tables_of(b), "", out.tables);
   differ(header_of(a), header_of(b), "", out.header);
   return out;
 }
 
+std::string by_time_in_words(const Difference& d) {
+  if (!d.by_time) return "";
+  const auto& time = d.columns.front();
+  return "The recordings have " + std::to_string(time.rows_a) + " and " + std::to_string(time.rows_b) +
+         " rows at other times and cannot be compared row by row: rms and maximum are at the " +
+         std::to_string(d.common) +
+         " times of the one with fewer rows at which there is a value of the other, interpolated between "
+         "rows.";
+}
+
 json to_json(const Difference& d) {
-  json out{{"same_samples", d.same_samples()},
-           {"columns", json::array()},
-           {"tables", json::array()},
-           {"header", json::array()}};
+  json out{{"same_samples", d.same_samples()}, {"by_time", d.by_time},    {"note", by_time_in_words(d)},
+           {"columns", json::array()},         {"tables", json::array()}, {"header", json::array()}};
   for (const auto& c : d.columns) {
     json row{{"dataset", c.dataset},
              {"unit", c.unit},
@@ -192,9 +252,9 @@ json to_json(const Difference& d) {
              {"in_b", c.in_b},
              {"rows_a", c.rows_a},
              {"rows_b", c.rows_b},
-             {"rms", c.rms},
-             {"mean", c.mean},
-             {"maximum", c.maximum},
+             {"rms", value(c.rms)},
+             {"mean", value(c.mean)},
+             {"maximum", value(c.maximum)},
              {"unequal", c.unequal},
              {"identical", c.identical()}};
     if (c.first) row["first"] = {{"row", c.first->row}, {"a", value(c.first->a)}, {"b", value(c.first->b)}};

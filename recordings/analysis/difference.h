@@ -4,6 +4,11 @@
 // For each column, over the rows that both have and know (NaN marks a gap):
 //   rms = sqrt(mean((b - a)^2)),  mean = mean(b - a),  maximum = max |b - a|   [unit of the column]
 // Two values are equal if their bits are; two gaps are equal.
+//
+// Rows of one number belong together if their times are less than half a pause between rows apart. Where some
+// do not, as of two sampling rates, rms, mean and maximum of the channels are taken at the times of the
+// recording with fewer rows, where the other, interpolated between its rows, has such a time; times and raw
+// counts have none, NaN.
 #pragma once
 
 #include <algorithm>
@@ -45,11 +50,17 @@ struct Difference {
   std::vector<ValueDifference> tables;    // status, noise, segments, events
   std::vector<ValueDifference> header;    // title, specimen, load, protocol, model, device, times, identifier
 
+  bool by_time = false;      // rms, mean and maximum are at common times, not row by row
+  std::uint64_t common = 0;  // that many of them
+
   bool same_samples() const;
   const ColumnDifference* first_column() const;  // the first that differs, or null
 };
 
 Difference compare(const Recording& a, const Recording& b);
+
+// What to know of figures at common times, a sentence; "" where they are row by row.
+std::string by_time_in_words(const Difference& difference);
 
 nlohmann::json to_json(const Difference& difference);
 

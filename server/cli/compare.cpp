@@ -1,6 +1,8 @@
+#include <cmath>
 #include <iostream>
 
 #include "base/fields.h"
+#include "base/number_text.h"
 #include "base/visible.h"
 #include "recordings/file/reader.h"
 #include "server/cli/cli.h"
@@ -24,6 +26,10 @@ void print_values(const char* title, const std::vector<recordings::ValueDifferen
   if (values.size() > most) std::printf("  and %zu more: --format json\n", values.size() - most);
 }
 
+std::string figure(double value) {
+  return std::isnan(value) ? "-" : number_text(value);
+}
+
 int compare(const CompareOptions& o, const Common& common) {
   const auto difference = recordings::compare(recordings::read_recording(recording_argument(o.a, common)),
                                               recordings::read_recording(recording_argument(o.b, common)));
@@ -34,8 +40,9 @@ int compare(const CompareOptions& o, const Common& common) {
   }
   std::printf("%-38s %12s %12s %-6s  %s\n", "column", "rms", "maximum", "unit", "first difference");
   for (const auto& c : difference.columns)
-    std::printf("%-38s %12.4g %12.4g %-6s  %s\n", c.dataset.c_str(), c.rms, c.maximum, c.unit.c_str(),
-                visible(server::in_words(c)).c_str());
+    std::printf("%-38s %12s %12s %-6s  %s\n", c.dataset.c_str(), figure(c.rms).c_str(),
+                figure(c.maximum).c_str(), c.unit.c_str(), visible(server::in_words(c)).c_str());
+  if (difference.by_time) std::printf("%s\n", by_time_in_words(difference).c_str());
   print_values("Status, noise, segments, events (first | second)", difference.tables);
   print_values("What else the files say (first | second)", difference.header);
   std::cout << (same ? "\nThe samples are identical.\n" : "\nThe recordings differ.\n");

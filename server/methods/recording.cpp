@@ -282,6 +282,8 @@ json comparison_schema() {
   const auto values = list_of(object({{"place", text("in the file")}, {"a", any()}, {"b", any()}}));
   return object(
       {{"same_samples", truth()},
+       {"by_time", truth("the rows' times differ: rms, mean and maximum are at common times")},
+       {"note", text("what to know of that; \"\" where rows are compared one by one")},
        {"columns",
         list_of(object(
             {{"dataset", text("in the file")},

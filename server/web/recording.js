@@ -7,6 +7,7 @@ import { factsOf, reportTable, tablesOf } from "./tables.js";
 import { RunCharts, chartTools, readerOf } from "./traces.js";
 
 const loops = [["field", "charge"], ["field", "displacement"], ["displacement", "force"]];
+const most_others = 20; // of what differs beside samples: a protocol or a model may differ everywhere
 const fileAddress = (name) => `/recordings/${encodeURIComponent(name)}`;
 
 // The daemon's curves of a loop, in the colours of their order; what lies outside of every cycle is grey.
@@ -185,13 +186,25 @@ export class RecordingView {
     }
   }
 
-  #comparison(difference, other) {
-    const value = (v) => (v === null ? "–" : v);
-    return element("div", {}, element("p", {}, difference.same_samples ? `The samples are those of ${other}, to the bit.` : `The samples differ from those of ${other}:`),
-      difference.same_samples ? null : reportTable({
+  #comparison({ same_samples: same, by_time: byTime, note, columns, tables, header }, other) {
+    const column = (key, title) => ({ key, title, unit: "" });
+    const figure = (value, unit) => (value === null ? "–" : quantity(value, unit));
+    const text = (value) => (value === null ? "–" : typeof value === "string" ? value : JSON.stringify(value));
+    // Each run has its own moment and identifier. Load and specimen come first: a device may differ in many places.
+    const of = (v, ...places) => places.includes(v.place.split("/")[1]);
+    const others = [...header.filter((v) => of(v, "load", "sample")),
+      ...header.filter((v) => !of(v, "load", "sample", "start_time", "end_time", "entry_identifier")), ...tables];
+    return element("div", {}, element("p", {}, same ? `The samples are those of ${other}, to the bit.` : `The samples differ from those of ${other}:`),
+      note ? element("p", {}, note) : null,
+      same ? null : reportTable({
         title: "Differences", notes: [],
-        columns: [{ key: "dataset", title: "column", unit: "" }, { key: "unit", title: "unit", unit: "" }, { key: "rms", title: "rms", unit: "" }, { key: "maximum", title: "maximum", unit: "" }, { key: "unequal", title: "rows that differ", unit: "" }],
-        rows: difference.columns.map((c) => ({ ...c, rms: value(c.rms), maximum: value(c.maximum) })),
+        columns: [column("dataset", "column"), column("rms", "rms"), column("maximum", "maximum"), column("rows", "rows of both"), ...(byTime ? [] : [column("unequal", "rows that differ")])],
+        rows: columns.map((c) => ({ dataset: c.dataset, rms: figure(c.rms, c.unit), maximum: figure(c.maximum, c.unit), rows: `${count(c.rows_a)} and ${count(c.rows_b)}`, unequal: count(c.unequal) })),
+      }),
+      others.length === 0 ? null : reportTable({
+        title: "What else differs", columns: [column("place", "place in the file"), column("a", "this recording"), column("b", other)],
+        notes: others.length > most_others ? [`and ${count(others.length - most_others)} more`] : [],
+        rows: others.slice(0, most_others).map((v) => ({ place: v.place, a: text(v.a), b: text(v.b) })),
       }));
   }
 

@@ -599,8 +599,10 @@ class RecordingAverage(TypedDict, total=False):
 
 
 class RecordingCompare(TypedDict, total=False):
+    by_time: bool  # the rows' times differ: rms, mean and maximum are at common times
     columns: list[RecordingCompareColumn]
     header: list[RecordingCompareHeader]
+    note: str  # what to know of that; "" where rows are compared one by one
     same_samples: bool
     tables: list[RecordingCompareHeader]
 
