@@ -237,7 +237,7 @@ export class RecordingView {
     const series = element("div", { class: "series-charts" });
     const loopPlace = element("div", { class: "plots" });
     const readings = element("table", { class: "readings", hidden: true });
-    const labels = toldApart(all.map(({ info }) => [info.title, loadText(info.load), moment(info.start_time), info.name]));
+    const labels = toldApart(all.map(({ info }) => [info.title || info.name, loadText(info.load), moment(info.start_time), info.name]));
     this.place.replaceChildren(
       element("div", { class: "report-head" }, element("h2", { id: "recording-title" }, `${names.length} recordings over each other`), element("a", { class: "button", href: "#recordings" }, "Close")),
       element("ul", { class: "keys" }, ...all.map(({ name, info }, k) => {
