@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "base/load_range.h"
 #include "model/model.h"
 
 namespace ferrobench::model {
@@ -72,8 +73,14 @@ void describe(Visitor& visit, ActuatorOf<T>& a) {
 
 template <class Visitor, class T>
 void describe(Visitor& visit, LoadOf<T>& l) {
-  visit("spring_stiffness", l.spring_stiffness, {.unit = "N/m", .min = 0, .max = 1e12, .required = true});
-  visit("prestress", l.prestress, {.unit = "Pa", .min = -1e9, .max = 1e10, .required = true});
+  visit("spring_stiffness", l.spring_stiffness,
+        {.unit = "N/m", .min = 0, .max = spring_stiffness_max, .required = true});
+  visit("prestress", l.prestress,
+        {.unit = "Pa",
+         .min = prestress_min,
+         .max = prestress_max,
+         .required = true,
+         .doc = "compression positive"});
 }
 
 template <class T, class Function>

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/load_range.h"
 #include "protocols/past.h"
 #include "protocols/segments.h"
 
@@ -20,9 +21,10 @@ struct LoadFields {
 };
 template <class Visitor>
 void describe(Visitor& visit, LoadFields& load) {
-  visit("spring_stiffness_N_per_m", load.spring_stiffness, {.unit = "N/m", .min = 0, .max = 1e12});
+  visit("spring_stiffness_N_per_m", load.spring_stiffness,
+        {.unit = "N/m", .min = 0, .max = spring_stiffness_max});
   visit("prestress_Pa", load.prestress,
-        {.unit = "Pa", .min = -1e10, .max = 1e10, .doc = "compression positive"});
+        {.unit = "Pa", .min = prestress_min, .max = prestress_max, .doc = "compression positive"});
 }
 
 struct Header {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/fields.h"
+#include "base/load_range.h"
 #include "recordings/format/recording.h"
 
 namespace ferrobench::daq::usb {
@@ -230,8 +231,9 @@ void describe(Visitor& visit, SpecimenConfig& s) {
 
 template <class Visitor>
 void describe(Visitor& visit, LoadConfig& l) {
-  visit("prestress", l.prestress, {.unit = "Pa", .min = 0, .max = 1e10, .doc = "compressive positive"});
-  visit("spring_stiffness", l.spring_stiffness, {.unit = "N/m", .min = 0, .max = 1e12});
+  visit("prestress", l.prestress,
+        {.unit = "Pa", .min = prestress_min, .max = prestress_max, .doc = "compressive positive"});
+  visit("spring_stiffness", l.spring_stiffness, {.unit = "N/m", .min = 0, .max = spring_stiffness_max});
 }
 
 template <class Visitor>

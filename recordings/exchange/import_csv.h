@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "base/fields.h"
+#include "base/load_range.h"
 #include "recordings/exchange/conversion/recording_of.h"
 
 namespace ferrobench::recordings {
@@ -94,7 +95,11 @@ void describe(Visitor& visit, CsvImport& i) {
         {.min = 1, .doc = "layers of the stack; absent: as the file says, or 1"});
   visit("spring_stiffness_N_per_m", i.spring_stiffness,
         {.unit = "N/m", .min = 0, .doc = "of the spring that it works against; 0: none"});
-  visit("prestress_Pa", i.prestress, {.unit = "Pa", .doc = "that it is under"});
+  visit("prestress_Pa", i.prestress,
+        {.unit = "Pa",
+         .min = prestress_min,
+         .max = prestress_max,
+         .doc = "that it is under; compression positive"});
   visit("charge_is_absolute", i.charge_is_absolute, {.doc = "false: its zero is the first sample"});
   visit("current", i.current,
         {.doc = "column of the current, if it was measured; without charge and polarization its integral is "

@@ -17,12 +17,22 @@ using hdf5::Input;
 
 constexpr const char* counts_place = "/entry/instrument/raw/ai";
 
-double required(const Input& in, const std::string& place, bool positive) {
+double required(const Input& in, const std::string& place) {
   const auto value = in.number(place);
   if (!value) in.fail(place, "is missing");
-  if (*value < 0 || (positive && *value == 0))
-    in.fail(place, positive ? "must be above zero" : "must not be negative");
   return *value;
+}
+
+double positive(const Input& in, const std::string& place) {
+  const double value = required(in, place);
+  if (!(value > 0)) in.fail(place, "must be above zero");
+  return value;
+}
+
+double not_negative(const Input& in, const std::string& place) {
+  const double value = required(in, place);
+  if (value < 0) in.fail(place, "must not be negative");
+  return value;
 }
 
 // JSON that cannot be read as such is kept as the text that it is.
@@ -106,14 +116,14 @@ Header read_header(const Input& in) {
   h.model = json_or_text(in, "/entry/model");
   h.device = json_or_text(in, "/entry/instrument/device");
   h.specimen.name = in.text("/entry/sample/name").value_or("");
-  h.specimen.length = required(in, "/entry/sample/length_m", true);
-  h.specimen.area = required(in, "/entry/sample/area_m2", true);
-  h.specimen.layer_thickness = required(in, "/entry/sample/layer_thickness_m", true);
-  required(in, "/entry/sample/layer_count", true);
+  h.specimen.length = positive(in, "/entry/sample/length_m");
+  h.specimen.area = positive(in, "/entry/sample/area_m2");
+  h.specimen.layer_thickness = positive(in, "/entry/sample/layer_thickness_m");
+  positive(in, "/entry/sample/layer_count");
   h.specimen.layer_count = *in.integer("/entry/sample/layer_count");
   h.past = read_past(in);
-  h.load.spring_stiffness = required(in, "/entry/load/spring_stiffness_N_per_m", false);
-  h.load.prestress = required(in, "/entry/load/prestress_Pa", false);
+  h.load.spring_stiffness = not_negative(in, "/entry/load/spring_stiffness_N_per_m");
+  h.load.prestress = required(in, "/entry/load/prestress_Pa");  // below zero: tension
 
   const auto charge = channel_place(Channel::charge);
   if (in.has(charge)) {

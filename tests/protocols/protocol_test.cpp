@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "base/load_range.h"
 #include "tests/protocols/programs.h"
 
 namespace ferrobench::protocols {
@@ -107,6 +108,8 @@ TEST(Protocol, SaysWhatTheSpecimenWorksAgainst) {
   given["parameters"] = {{"p", 4e6}};
   EXPECT_EQ(Protocol::from_json(given).load().spring_stiffness, 2.7e6);
   EXPECT_EQ(Protocol::from_json(given).load().prestress, 4e6);
+  given["parameters"] = {{"p", 2 * prestress_min}};
+  EXPECT_EQ(validate(given).at(0).path, "/load/prestress_Pa");
 }
 
 class File : public testing::Test {
