@@ -49,7 +49,7 @@ struct Reach {
 Reach reach(const model::Model& model, double field) {
   const auto& m = model.material;
   const auto& a = model.actuator;
-  const double stress = model.load.prestress;
+  const double stress = std::abs(model.load.prestress);
   const double permittivity = std::max(m.permittivity_180, m.permittivity_90);
   const double polarization =
       m.remanent_polarization + permittivity * field + std::abs(m.piezoelectric_180) * stress;

@@ -117,6 +117,10 @@ TEST(VirtualDevice, CountsAreTheModelsAnswer) {
 TEST(VirtualDevice, RangesAreWideEnoughOfThemselves) {
   VirtualDevice device(crystal(), fast());
   for (const auto status : take(device, loop(500)).statuses) EXPECT_EQ(status, BlockStatus::ok);
+  auto under_tension = crystal();
+  under_tension.load.prestress = -5e6;
+  VirtualDevice pulled(under_tension, fast());
+  for (const auto status : take(pulled, loop(500)).statuses) EXPECT_EQ(status, BlockStatus::ok);
 }
 
 TEST(VirtualDevice, SaysWhenAConverterClips) {
