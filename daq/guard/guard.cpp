@@ -45,7 +45,7 @@ Guard::Guard(Device& device, const Limits& limits, Interlock interlock)
       fastest_stop_(std::max(limits_.stop_slew, std::min(limits_.slew, device.fastest_slew()))),
       interlock_(std::move(interlock)),
       columns_(device.columns().size()),
-      trips_(limits_, device.columns()) {}
+      trips_(limits_, device.columns(), device.measures()) {}
 
 Guard::~Guard() {
   release();

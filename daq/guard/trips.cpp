@@ -7,8 +7,21 @@ namespace ferrobench::daq {
 
 namespace {
 
-int whole(double count) {
-  return static_cast<int>(std::clamp(count, -32769.0, 32768.0));
+constexpr double lowest_count = -32768, highest_count = 32767;
+// A column on a grid over a sensor's table ends one count above the lowest.
+constexpr int within_ends = 32766;
+
+// The counts that a limit allows. One that lies beyond all counts allows each of them, or, where the ends are
+// watched, all but the last ones.
+int lowest_allowed(double limit, bool watch_ends) {
+  const double count = std::ceil(limit);
+  if (count < lowest_count && watch_ends) return -within_ends;
+  return static_cast<int>(std::clamp(count, lowest_count, highest_count + 1));
+}
+int highest_allowed(double limit, bool watch_ends) {
+  const double count = std::floor(limit);
+  if (count > highest_count && watch_ends) return within_ends;
+  return static_cast<int>(std::clamp(count, lowest_count - 1, highest_count));
 }
 
 std::string number(double value) {
@@ -17,7 +30,7 @@ std::string number(double value) {
 
 }  // namespace
 
-Trips::Trips(const Limits& limits, std::span<const recordings::RawColumn> columns)
+Trips::Trips(const Limits& limits, std::span<const recordings::RawColumn> columns, bool measured)
     : columns_(columns.size()) {
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const auto [channel, gain, offset] = columns[i];
@@ -37,16 +50,21 @@ Trips::Trips(const Limits& limits, std::span<const recordings::RawColumn> column
     }
     const double a = (min - offset) / gain;
     const double b = (max - offset) / gain;
-    windows_.push_back({channel, i, gain, offset, min, max, whole(std::ceil(std::min(a, b))),
-                        whole(std::floor(std::max(a, b)))});
+    const bool watch_ends = measured && channel != recordings::Channel::field;
+    windows_.push_back({channel, i, gain, offset, min, max, lowest_allowed(std::min(a, b), watch_ends),
+                        highest_allowed(std::max(a, b), watch_ends)});
   }
 }
 
 std::optional<std::string> Trips::violation(const SampleBlock& block) const {
   const auto told = [](const Window& w, double value) {
-    const std::string unit(recordings::channel_unit(w.channel));
-    return "measured " + std::string(recordings::channel_name(w.channel)) + " " + number(value) + " " + unit +
-           " is outside " + number(w.min) + " to " + number(w.max) + " " + unit;
+    const std::string name(recordings::channel_name(w.channel)), unit(recordings::channel_unit(w.channel));
+    const auto measured = "measured " + name + " " + number(value) + " " + unit;
+    if (value < w.min || value > w.max)
+      return measured + " is outside " + number(w.min) + " to " + number(w.max) + " " + unit;
+    return measured + " is the end of its sensor's range, beyond which the limits of " + number(w.min) +
+           " to " + number(w.max) + " " + unit +
+           " cannot be watched: choose a wider range, or leave out a channel that is not needed";
   };
   for (const auto& w : windows_) {
     int low = w.highest, high = w.lowest;

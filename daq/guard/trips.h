@@ -1,4 +1,8 @@
 // Measured values against the limits, compared in counts: two comparisons a sample.
+//
+// A converter at its end says "at least this". Where a limit of displacement or force lies beyond that end,
+// nobody knows whether it is kept, and the reading counts as a violation. The limit of the field does not
+// need that: no level beyond it goes out, and monitors often end where the amplifier does.
 #pragma once
 
 #include <optional>
@@ -13,7 +17,8 @@ namespace ferrobench::daq {
 
 class Trips {
  public:
-  Trips(const Limits& limits, std::span<const recordings::RawColumn> columns);
+  // `measured`: the readings are of now; a replay's were judged when they were measured.
+  Trips(const Limits& limits, std::span<const recordings::RawColumn> columns, bool measured);
   // What the first column out of its limits shows, or nothing.
   std::optional<std::string> violation(const SampleBlock& block) const;
 

@@ -158,6 +158,44 @@ TEST(Guard, AMeasuredValuePastItsLimitTrips) {
   run.expect_safe(outcome);
 }
 
+// The sensor ends at 327.67 um.
+TEST(Guard, ASensorAtItsEndTripsIfTheLimitLiesBeyond) {
+  const auto end_of = [](double min, double max, int count) {
+    Limits limits;
+    limits.displacement_min = min;
+    limits.displacement_max = max;
+    Session run(limits);
+    run.device.displacement = static_cast<std::int16_t>(count);
+    const auto outcome = run.go();
+    run.expect_safe(outcome);
+    return outcome;
+  };
+  for (const int count : {-32768, 32767}) {
+    const auto outcome = end_of(-1e-3, 1e-3, count);
+    EXPECT_EQ(outcome.end, End::limit) << count;
+    EXPECT_NE(outcome.reason.find("the end of its sensor's range"), std::string::npos) << outcome.reason;
+    EXPECT_EQ(end_of(-32768e-8, 32767e-8, count).end, End::complete) << count;  // the ends are allowed
+    EXPECT_EQ(end_of(-3e-4, 3e-4, count).end, End::limit) << count;
+  }
+  for (const int count : {-32766, 32766}) EXPECT_EQ(end_of(-1e-3, 1e-3, count).end, End::complete) << count;
+}
+
+TEST(Guard, WhatWasMeasuredBeforeDoesNotTripAtASensorsEnd) {
+  struct Recorded : FaultyDevice {
+    using FaultyDevice::FaultyDevice;
+    bool measures() const override { return false; }
+  };
+  Limits limits;
+  limits.displacement_max = 1e-3;
+  Recorded device(limits);
+  device.displacement = 32767;
+  Guard guard(device, limits);
+  guard.start(loop());
+  for (SampleBlock block; guard.read(block);) {
+  }
+  EXPECT_EQ(guard.outcome().end, End::complete);
+}
+
 TEST(Guard, AnAmplifierThatRunsAwayTrips) {
   Session run;
   Guard guard(run.device, run.limits);
