@@ -27,7 +27,7 @@ std::span<const Unit> units_of(std::string_view si) {
   static constexpr std::array<Unit, 4> length{{{"um", 1e-6}, {"nm", 1e-9}, {"mm", 1e-3}, {"m", 1}}};
   static constexpr std::array<Unit, 3> time{{{"s", 1}, {"min", 60}, {"h", 3600}}};
   static constexpr std::array<Unit, 3> force{{{"N", 1}, {"mN", 1e-3}, {"kN", 1e3}}};
-  static constexpr std::array<Unit, 2> share{{{"%", 0.01}, {"", 1}}};
+  static constexpr std::array<Unit, 1> share{{{"%", 0.01}}};
   if (si == "V/m") return field;
   if (si == "V/m/s") return slew;
   if (si == "m") return length;
@@ -65,9 +65,8 @@ const Row& row_of(const std::vector<Row>& rows, const std::string& name) {
 
 std::string in_words(double value, const Unit& unit) {
   std::array<char, 64> text{};
-  static_cast<void>(std::snprintf(text.data(), text.size(), "%.6g%s%.*s", value / unit.size,
-                                  unit.name.empty() ? "" : " ", static_cast<int>(unit.name.size()),
-                                  unit.name.data()));
+  static_cast<void>(std::snprintf(text.data(), text.size(), "%.6g %.*s", value / unit.size,
+                                  static_cast<int>(unit.name.size()), unit.name.data()));
   return text.data();
 }
 
@@ -81,8 +80,7 @@ std::pair<double, Unit> read_value(const Row& row, const std::string& text) {
   const auto found = std::ranges::find(units, std::string_view(unit), &Unit::name);
   if (end != text.c_str() && found != units.end()) return {number * found->size, *found};
   json names = json::array();
-  for (const auto& each : units)
-    if (!each.name.empty()) names.push_back(each.name);
+  for (const auto& each : units) names.push_back(each.name);
   throw Error(ErrorCode::invalid_params, "a limit is a number with its unit",
               Problem{.path = row.name,
                       .message = end == text.c_str() ? "is not a number"
