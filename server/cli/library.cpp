@@ -111,9 +111,12 @@ CLI::App* add(CLI::App* parent, const std::string& name, const std::string& help
 }  // namespace
 
 void add_protocol(CLI::App& app, Common& common) {
-  auto* sub = app.add_subcommand("protocol", "The shipped experiments, and help with writing one's own");
+  auto* sub = app.add_subcommand(
+      "protocol", "The shipped experiments, those put into the data folder, and help with writing one's own");
   sub->require_subcommand(1);
   sub->footer(
+      "A protocol's file can be used wherever a name can; 'ferrobench call protocol.put' keeps it under a "
+      "name.\n"
       "Examples:\n"
       "  ferrobench protocol show full-loops > mine.json\n"
       "  ferrobench protocol preview mine.json --set rate=10\n"
@@ -121,8 +124,9 @@ void add_protocol(CLI::App& app, Common& common) {
   auto o = std::make_shared<Options>();
   add(sub, "list", "Names, titles and sources", o, common, list_protocols);
   add(sub, "show", "One as JSON: a start for one's own", o, common,
-      [](const Options& opt, const Common&) {
-        return print(server::resolve_protocol(protocol_argument(opt.name)).json());
+      [](const Options& opt, const Common& c) {
+        const server::Store store(c.data_folder());
+        return print(server::resolve_protocol(protocol_argument(opt.name), &store).json());
       })
       ->add_option("PROTOCOL", o->name, "name or file")
       ->required();

@@ -30,10 +30,10 @@ int run(const RunOptions& o, const Common& common) {
 void add_run(CLI::App& app, Common& common) {
   auto* sub = app.add_subcommand("run", "Run a protocol on a device; prints the recording's file");
   auto o = std::make_shared<RunOptions>();
-  sub->add_option(
-      "PROTOCOL", o->protocol,
-      "name of a shipped protocol, or a file: .json, or .csv of time and level, in s and kV/mm unless its "
-      "headings say otherwise (voltage_V, E [MV/m], t/ms); none for a replay");
+  sub->add_option("PROTOCOL", o->protocol,
+                  "name of a protocol that ships or was put into the data folder, or a file: .json, or .csv "
+                  "of time and level, in s and kV/mm unless its "
+                  "headings say otherwise (voltage_V, E [MV/m], t/ms); none for a replay");
   sub->add_option("--device", o->device, "kind of device, one opened before, or replay:RECORDING")
       ->capture_default_str();
   sub->add_option("--device-config", o->config, "what the device is and what is wired to it")

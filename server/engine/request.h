@@ -18,7 +18,7 @@
 namespace ferrobench::server {
 
 struct RunRequest {
-  nlohmann::json protocol{};       // name of a shipped one, or a protocol
+  nlohmann::json protocol{};       // name of one that ships or was put here, or a protocol
   std::string device = "virtual";  // a kind, opened for this run alone, or a device opened before
   nlohmann::json config{};         // of the device, where it is opened for this run
   nlohmann::json model{};          // name or model; virtual device only
@@ -43,7 +43,8 @@ struct RunRequest {
 template <class Visitor>
 void describe(Visitor& visit, RunRequest& r) {
   visit("protocol", r.protocol,
-        {.doc = "name of a shipped protocol, or a protocol; none for a replay, which has its own"});
+        {.doc = "name of a protocol that ships or was put here, or a protocol; none for a replay, which has "
+                "its own"});
   visit("device", r.device,
         {.doc = "a kind of device (opened for this run alone), one opened before, or \"replay:NAME\" of a "
                 "recording"});

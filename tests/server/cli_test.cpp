@@ -464,6 +464,9 @@ TEST_F(Cli, LibraryAndSchemas) {
   EXPECT_NE(run({"protocol", "list"}).out.find("full-loops"), std::string::npos);
   EXPECT_NE(run({"model", "list"}).out.find("soft-pzt"), std::string::npos);
   EXPECT_EQ(nlohmann::json::parse(run({"protocol", "show", "full-loops"}).out)["name"], "full-loops");
+  server::Store(folder.path).put_protocol("mine", server::trapezium(0.2, 0.5));
+  EXPECT_THAT(run({"protocol", "list"}).out, HasSubstr("mine"));
+  EXPECT_EQ(nlohmann::json::parse(run({"protocol", "show", "mine"}).out)["name"], "mine");
   EXPECT_EQ(nlohmann::json::parse(run({"model", "show", "soft-pzt"}).out)["format"], "ferrobench-model");
   EXPECT_TRUE(nlohmann::json::parse(run({"protocol", "schema"}).out).contains("$schema"));
   EXPECT_TRUE(nlohmann::json::parse(run({"model", "schema"}).out).contains("$schema"));
