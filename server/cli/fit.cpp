@@ -47,6 +47,8 @@ protocols::Past past_of(json entry) {
 
 void print_result(const json& result) {
   if (!result.contains("parameters")) return;
+  if (result.contains("verdict"))
+    std::printf("%s\n\n", visible(result.at("verdict").at("text").get<std::string>()).c_str());
   std::printf("%-38s %11s %11s   %-23s %s\n", "parameter", "from", "to", "95 % interval", "");
   for (const auto& p : result.at("parameters")) {
     std::string interval, remark;

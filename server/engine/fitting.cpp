@@ -55,6 +55,8 @@ json fit_model(const FitRequest& request, const model::Model& start,
                const std::function<bool(const model::FitProgress&)>& progress,
                const std::function<bool()>& stop) {
   if (request.calibrate) return calibrated(start, recordings);
+  std::vector<model::NoiseByChannel> noise;
+  for (const auto& r : recordings) noise.push_back(model::noise_of(r));
   const auto residuals = residuals_of(request, std::move(recordings));
   model::FitOptions options;
   options.starts = static_cast<int>(request.starts);
@@ -101,8 +103,19 @@ json fit_model(const FitRequest& request, const model::Model& start,
               {"stopped", result.stopped},
               {"pasts", std::move(pasts)},
               {"unused", residuals->unused()}};
-  if (!result.stopped) out["correlations"] = result.correlations;
-  if (request.report) out["html"] = model::html_report({result, options, compared, start, before, after});
+  std::optional<model::FitVerdict> verdict;
+  if (!result.stopped) {
+    out["correlations"] = result.correlations;
+    verdict = model::judge(result, compared, after, noise);
+    out["verdict"] = {{"text", verdict->text()},
+                      {"times_noise", verdict->times_noise ? json(*verdict->times_noise) : json()},
+                      {"where", verdict->where},
+                      {"at_bound", verdict->at_bound},
+                      {"parameters", verdict->parameters},
+                      {"intervals_hold", verdict->intervals_hold()}};
+  }
+  if (request.report)
+    out["html"] = model::html_report({result, options, compared, start, before, after, verdict});
   return out;
 }
 

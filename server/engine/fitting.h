@@ -39,11 +39,13 @@ void describe(Visitor& visit, FitRequest& r) {
 
 // {model, parameters: [{path, from, to, std, interval, determined, low, high, at_bound}], correlations,
 // before, after: {name: rms}, cost_before, cost_after, simulations, stopped, unused: [sentence], pasts:
-// [{recording, chosen, kind, from, levels}]}: `pasts` are what the specimen had been through before each
-// recording (protocols/past.h), `chosen` by the fit or as recorded; `before` is under them as well. `low` and
-// `high` are the range, `interval` is that of 95 %, `correlations` a row for each parameter. What was stopped
-// has no uncertainty: `std` is 0; `interval`, `determined` and `correlations` are absent. With
-// `report` there is a page too, as `html`. A calibration gives {model} alone. `progress` returns false,
+// [{recording, chosen, kind, from, levels}], verdict: {text, times_noise, where, at_bound, parameters,
+// intervals_hold}}: `pasts` are what the specimen had been through before each recording (protocols/past.h),
+// `chosen` by the fit or as recorded; `before` is under them as well. `low` and `high` are the range,
+// `interval` is that of 95 %, `correlations` a row for each parameter. `verdict` says how far to believe it
+// (model/inference/report/fit_verdict.h); its `times_noise` is null where tables were fitted to. What was
+// stopped has no uncertainty: `std` is 0; `interval`, `determined`, `correlations` and `verdict` are absent.
+// With `report` there is a page too, as `html`. A calibration gives {model} alone. `progress` returns false,
 // between simulations, and `stop` true, in their middle, to end with the best so far: then there is no before
 // and after. Throws Error(invalid_params) if there is nothing to fit to, or both.
 nlohmann::json fit_model(const FitRequest& request, const model::Model& start,

@@ -117,6 +117,7 @@ export class ModelView {
     const left = Object.entries(result.after ?? {}).map(([what, after]) => ({ what, before: result.before[what], after }));
     return [
       element("p", {}, result.stopped ? "Stopped: the best so far." : "Fitted.", name ? ` Kept as ${name}.` : ""),
+      result.verdict ? element("p", {}, element("strong", {}, result.verdict.text)) : "",
       rows.length ? reportTable({ title: "Parameters", rows, columns: [column("path", "parameter"), column("from", "from"), column("to", "to"), column("interval", "interval"), column("remark", "remark")], notes: [`Sum of squares ${number(result.cost_before)} before, ${number(result.cost_after)} after, ${result.simulations} simulations.`] }) : "",
       left.length ? reportTable({ title: "Root mean square of what is left", rows: left, columns: [column("what", "on"), column("before", "before"), column("after", "after")] }) : "",
       result.html ? button("Report (HTML)", () => download(new Blob([result.html], { type: "text/html" }), `${name ?? "fitted"}.html`)) : "", " ",

@@ -17,6 +17,7 @@ namespace {
 
 using server::Folder;
 using testing::HasSubstr;
+using testing::MatchesRegex;
 
 struct Said {
   int code = 0;
@@ -393,11 +394,29 @@ TEST_F(Cli, FitFindsAParameterAgain) {
   ASSERT_EQ(said.code, exit_ok) << said.err;
   std::ifstream page(file("fit.html"));
   const std::string html{std::istreambuf_iterator<char>(page), {}};
-  for (const auto* part : {"material.barrier", "J/m^3", "displacement: measured less model", "<svg"})
-    EXPECT_NE(html.find(part), std::string::npos) << part;
+  const auto header = recordings::read_summary(file("truth.h5")).header;
+  for (const auto& part : std::vector<std::string>{
+           "material.barrier", "J/m^3", "displacement: measured less model", "<svg", "less their mean",
+           "1 start, seed", header.title, header.start_time, header.entry_identifier})
+    EXPECT_THAT(html, HasSubstr(part));
+  for (const auto& text : {html, said.out}) {
+    EXPECT_THAT(text, HasSubstr("The model explains the measurement to its noise: "));
+    EXPECT_THAT(text, HasSubstr("No parameter ended at a bound of its range."));
+  }
   EXPECT_NE(said.out.find("material.barrier"), std::string::npos);
   const auto fitted = nlohmann::json::parse(std::ifstream(file("fitted.json")));
   EXPECT_NEAR(fitted["material"]["barrier"].get<double>(), 4.6e4, 0.01 * 4.6e4);
+  // The truth lies outside of the range that a fit may use.
+  ASSERT_EQ(run({"run", protocol(), "--out", file("beyond.h5"), "--model", "soft-pzt", "--fast", "--set",
+                 "model.material.permittivity_180=2e-7"})
+                .code,
+            exit_ok);
+  const auto stuck = run({"fit", file("beyond.h5"), "--model", "soft-pzt", "--free",
+                          "material.permittivity_180", "--starts", "1", "--out", file("stuck.json")});
+  ASSERT_EQ(stuck.code, exit_ok) << stuck.err;
+  EXPECT_THAT(stuck.out, MatchesRegex("The model misses the measurement by up to [0-9]+ times its noise .*"));
+  EXPECT_THAT(stuck.out, HasSubstr("1 of 1 parameters ended at a bound of their range, so that the 95 % "
+                                   "intervals are not to be trusted: search from more starts (--starts)"));
   EXPECT_EQ(run({"fit", "--model", "soft-pzt", "--out", file("f.json")}).code, exit_error);
   EXPECT_EQ(run({"fit", file("truth.h5"), "--calibrate", "--model", "soft-pzt", "--out", file("f.json"),
                  "--report", file("calibration.html")})

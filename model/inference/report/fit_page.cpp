@@ -70,11 +70,22 @@ Table correlation_table(const FitResult& result) {
   return out;
 }
 
-recordings::Series series(const std::string& label, const std::vector<double>& x, double x_scale,
-                          const std::vector<double>& y, double y_scale) {
-  recordings::Series out{.label = label, .points = {}};
-  for (std::size_t i = 0; i < x.size(); ++i) out.points.push_back({x_scale * x[i], y_scale * y[i]});
+Table recording_table(std::span<const RecordingData> recordings) {
+  Table out{.key = "recordings", .title = "Recordings", .columns = {}, .rows = {}, .notes = {}};
+  out.columns = {{"title", "title", ""}, {"start_time", "begun", ""}, {"identifier", "identifier", ""}};
+  for (const auto& r : recordings)
+    out.rows.push_back({r.header.title, r.header.start_time, r.header.entry_identifier});
   return out;
+}
+
+void add_points(recordings::Series& to, const std::vector<double>& x, double x_scale,
+                const std::vector<double>& y, double y_scale) {
+  for (std::size_t i = 0; i < x.size(); ++i) to.points.push_back({x_scale * x[i], y_scale * y[i]});
+}
+
+// What was measured is grey, and a model has one colour in all pictures.
+std::vector<recordings::Series> model_series() {
+  return {{.label = "before", .points = {}, .value = 0}, {.label = "after", .points = {}, .value = 1}};
 }
 
 std::vector<double> difference(const std::vector<double>& a, const std::vector<double>& b) {
@@ -89,26 +100,30 @@ std::string title_of(const ComparedCurve& curve) {
 
 recordings::Figure loop_of(const ComparedCurve& before, const ComparedCurve& after) {
   const auto axis = picture_axis(after.channel), field = picture_axis(Channel::field);
+  auto series = model_series();
+  series.insert(series.begin(), {.label = "measured", .points = {}, .quiet = true});
+  add_points(series[0], after.field, field.scale, after.measured, axis.scale);
+  add_points(series[1], before.field, field.scale, before.simulated, axis.scale);
+  add_points(series[2], after.field, field.scale, after.simulated, axis.scale);
   return {.title = title_of(after),
           .x_label = field.label,
           .y_label = axis.label,
           .log_x = false,
           .square = true,
-          .series = {series("measured", after.field, field.scale, after.measured, axis.scale),
-                     series("before", before.field, field.scale, before.simulated, axis.scale),
-                     series("after", after.field, field.scale, after.simulated, axis.scale)}};
+          .series = std::move(series)};
 }
 
 recordings::Figure residual_of(const ComparedCurve& before, const ComparedCurve& after) {
   const auto axis = picture_axis(after.channel);
-  return {
-      .title = title_of(after) + ": measured less model",
-      .x_label = "time [s]",
-      .y_label = axis.label,
-      .log_x = false,
-      .square = false,
-      .series = {series("before", before.time, 1, difference(before.measured, before.simulated), axis.scale),
-                 series("after", after.time, 1, difference(after.measured, after.simulated), axis.scale)}};
+  auto series = model_series();
+  add_points(series[0], before.time, 1, difference(before.measured, before.simulated), axis.scale);
+  add_points(series[1], after.time, 1, difference(after.measured, after.simulated), axis.scale);
+  return {.title = title_of(after) + ": measured less model",
+          .x_label = "time [s]",
+          .y_label = axis.label,
+          .log_x = false,
+          .square = false,
+          .series = std::move(series)};
 }
 
 std::string drawn(const std::vector<recordings::Figure>& figures, const std::string& container) {
@@ -131,19 +146,25 @@ std::string pictures(const FitPage& page) {
     loops.push_back(loop_of(before[i], after[i]));
     residuals.push_back(residual_of(before[i], after[i]));
   }
-  return after.empty() ? "" : drawn(loops, "pair") + drawn(residuals, "wide");
+  if (after.empty()) return "";
+  return "<p class=\"note\">Values are shown less their mean, as a sensor's zero is unknown.</p>\n" +
+         drawn(loops, "pair") + drawn(residuals, "wide");
 }
 
 }  // namespace
 
 std::string html_report(const FitPage& page) {
   const auto& r = page.result;
-  std::string body = fmt::format(
-      "<p>Started from the model {}; {} starts, seed {}, {} simulations. The sum of squares went from {} to "
+  std::string body;
+  if (page.verdict) body = "<p><strong>" + escape_html(page.verdict->text()) + "</strong></p>\n";
+  body += fmt::format(
+      "<p>Started from the model {}; {} start{}, seed {}, {} simulations. The sum of squares went from {} to "
       "{}{}.</p>\n",
-      escape_html(page.start.name), page.options.starts, page.options.seed, r.simulations,
-      number(r.cost_before), number(r.cost_after),
+      escape_html(page.start.name), page.options.starts, page.options.starts == 1 ? "" : "s",
+      page.options.seed, r.simulations, number(r.cost_before), number(r.cost_after),
       r.stopped ? "; the fit was stopped, and this is the best so far" : "");
+  if (const auto recordings = page.residuals.recordings(); !recordings.empty())
+    body += to_html(recording_table(recordings));
   for (const auto& sentence : page.residuals.unused())
     body += "<p>Not used: " + escape_html(sentence) + ".</p>\n";
   for (const auto& past : r.pasts)

@@ -2,10 +2,12 @@
 // model.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "model/inference/report/fit_verdict.h"
 #include "model/inference/study/fit.h"
 
 namespace ferrobench::model {
@@ -16,6 +18,7 @@ struct FitPage {
   const ResidualModel& residuals;
   const Model& start;
   std::vector<std::pair<std::string, double>> before, after;  // ResidualModel::summary()
+  std::optional<FitVerdict> verdict;                          // none of what was stopped
 };
 
 // HTML. Recordings are simulated once more for the pictures.
