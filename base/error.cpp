@@ -108,7 +108,9 @@ std::string text_of(const Problem& p) {
     if (!part.empty()) text += (text.empty() ? "" : by) + part;
   };
   join(": ", p.message);
-  if (!p.given.is_null()) join(": ", given_in_words(p.given) + unit);
+  if (!p.given.is_null()) join(": ", given_in_words(p.given) + (p.given.is_string() ? "" : unit));
+  // Text in place of a number may name a unit of its own.
+  if (p.given.is_string() && p.allowed.is_null() && !unit.empty()) join("; ", "its unit is" + unit);
   const bool guessed = p.hint.starts_with("did you mean");
   if (guessed) join("; ", p.hint);
   if (!p.allowed.is_null()) join(guessed ? " Allowed: " : "; allowed: ", allowed_in_words(p.allowed) + unit);

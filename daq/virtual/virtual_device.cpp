@@ -136,7 +136,8 @@ double VirtualDevice::scan_rate(double asked) const {
   throw Error(
       ErrorCode::invalid_params, "the virtual device cannot scan at this rate",
       Problem{.path = "/sample_rate",
-              .message = "times " + std::to_string(converters_.size()) + " columns is outside its range",
+              .message =
+                  "is outside the range of the rate with " + std::to_string(converters_.size()) + " channels",
               .given = asked,
               .allowed = {{"from", min_aggregate_rate / columns}, {"to", max_aggregate_rate / columns}},
               .unit = "Hz",

@@ -102,9 +102,12 @@ std::optional<Findings> discover_here(const DiscoverCommand& o, const Common& co
 }
 
 int discover(const DiscoverCommand& o, const Common& common) {
-  if (o.recordings.empty() == o.tables.empty())
+  if (o.recordings.empty() && o.tables.empty())
     throw Error(ErrorCode::invalid_params,
-                "discover wants recordings, or published tables by --table, not both");
+                "discover wants recordings to look in, or published tables by --table; none was given");
+  if (!o.recordings.empty() && !o.tables.empty())
+    throw Error(ErrorCode::invalid_params,
+                "discover takes recordings, or published tables by --table, not both");
   std::vector<std::string> sources{o.model};
   for (const auto& given : o.recordings) sources.push_back(recording_argument(given, common));
   const TextOutput json(o.json, sources), report(o.report, sources), improved(o.improved, sources);

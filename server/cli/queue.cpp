@@ -57,6 +57,12 @@ json sweep_argument(const std::string& text) {
     if (range.size() == 4) sweep["spacing"] = range[3] == "log" ? "logarithmic" : range[3];
     return sweep;
   }
+  if (range.size() > 1)
+    throw Error(ErrorCode::invalid_params, "a sweep over a range is KEY=FROM:TO:COUNT",
+                Problem{.path = "/sweep",
+                        .message = range.size() == 2 ? "has no count" : "has too many parts",
+                        .given = excerpt(text),
+                        .hint = "for example --sweep rate=1:100:5 or --sweep rate=1:100:5:logarithmic"});
   sweep["values"] = json::array();
   for (const auto& value : split(values, ',')) sweep["values"].push_back(value_in(value));
   return sweep;

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 
+#include "base/load_range.h"
 #include "base/units.h"
+#include "daq/registry.h"
 #include "model/model.h"
 
 namespace ferrobench::server {
@@ -29,6 +31,15 @@ double number(const std::string& key, const json& value) {
                       .hint = "for example " + key + "=1"});
 }
 
+double number(const std::string& key, const json& value, const FieldInfo& info) {
+  const double out = number(key, value);
+  std::vector<Problem> problems;
+  fields_detail::check_number(out, info, "/set/" + key, problems);
+  if (!problems.empty())
+    throw Error(ErrorCode::invalid_params, "a setting is outside its range", std::move(problems));
+  return out;
+}
+
 // Sets what stands at "a.b.c" in `target`. False if there is no such place; `create` makes it.
 bool set_path(json& target, std::string_view path, const json& value, bool create) {
   json* at = &target;
@@ -41,6 +52,10 @@ bool set_path(json& target, std::string_view path, const json& value, bool creat
   }
   *at = value;
   return true;
+}
+
+FieldInfo prestress_in(std::string_view unit, double pascal) {
+  return {.unit = unit, .min = prestress_min / pascal, .max = prestress_max / pascal};
 }
 
 struct Settings {
@@ -69,11 +84,23 @@ class Reader {
     if (known_.contains(key)) return settings_.parameters[key] = number(key, value), true;
     if (key == "sample_rate_Hz") return settings_.sample_rate = number(key, value), true;
     if (!fresh_) return false;
-    if (key == "prestress_Pa") return settings_.prestress = number(key, value), true;
-    if (key == "prestress_MPa") return settings_.prestress = number(key, value) * pascal_in_mpa, true;
-    if (key == "spring_stiffness_N_per_m") return settings_.spring_stiffness = number(key, value), true;
+    if (key == "prestress_Pa") return settings_.prestress = number(key, value, prestress_in("Pa", 1)), true;
+    if (key == "prestress_MPa") {
+      settings_.prestress = number(key, value, prestress_in("MPa", pascal_in_mpa)) * pascal_in_mpa;
+      return true;
+    }
+    if (key == "spring_stiffness_N_per_m") {
+      settings_.spring_stiffness = number(key, value, {.unit = "N/m", .min = 0, .max = spring_stiffness_max});
+      return true;
+    }
     const std::string_view path(key);
     if (path.starts_with("model.")) return set_path(model_, path.substr(6), value, false);
+    if (key == "device.past" && value.is_string())
+      throw Error(ErrorCode::invalid_params, "a past is an object with a kind",
+                  Problem{.path = "/set/device.past",
+                          .message = "must be an object",
+                          .given = excerpt(value.get<std::string>()),
+                          .hint = R"(for example 'device.past={"kind": "poled_minus"}')"});
     // Optional parts of the device's configuration are absent until set; opening it checks their names.
     return path.starts_with("device.") && set_path(device_, path.substr(7), value, true);
   }
@@ -208,11 +235,13 @@ RunPlan make_plan(const RunRequest& request, const Store& store, const daq::Devi
     throw Error(ErrorCode::invalid_params, "the device is open already and keeps its configuration",
                 Problem{.path = "/config", .hint = "close it, and open it with the new configuration"});
   const bool modelled = fresh && request.device == "virtual";
-  if (fresh && !modelled && (!request.model.is_null() || request.fast))
+  if (fresh && !modelled && (!request.model.is_null() || request.fast)) {
+    daq::device_kind(request.device);  // a name that is misspelt is told as such
     throw Error(ErrorCode::invalid_params, "only the virtual device has a model and a fast clock",
                 Problem{.path = request.model.is_null() ? "/fast" : "/model",
                         .given = request.device,
                         .hint = "leave it out; the specimen stands in the device's configuration"});
+  }
   if (modelled) plan.model = resolve_model(request.model, store);
   if (!fresh) plan.model = open->model;
   json device = request.config.is_null() ? json::object() : request.config;

@@ -20,12 +20,13 @@ const told = (value) => value !== undefined && value !== null;
 
 function problemItem(problem) {
   const item = element("li");
-  if (problem.path) item.append(element("code", {}, problem.path), " ");
+  if (problem.label) item.append(`${problem.label} `);
+  else if (problem.path) item.append(element("code", {}, problem.path), " ");
   item.append(problem.message ?? "");
   const rows = [];
-  if (told(problem.given)) rows.push(["given", shown(problem.given) + (problem.unit ? ` ${problem.unit}` : "")]);
+  if (told(problem.given)) rows.push(["given", shown(problem.given) + (problem.unit && typeof problem.given !== "string" ? ` ${problem.unit}` : "")]);
   if (told(problem.allowed)) rows.push(["allowed", allowedNode(problem)]);
-  if (problem.hint) rows.push(["hint", problem.hint]);
+  if (problem.hint) rows.push(["hint", inWords(problem.hint)]);
   if (rows.length)
     item.append(element("dl", { class: "facts" },
       ...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)])));
@@ -33,8 +34,25 @@ function problemItem(problem) {
 }
 
 function besideField(problem, path = "") {
-  const parts = [path && `${path} ${problem.message ?? ""}`.trim(), !path && problem.message, told(problem.allowed) && `allowed: ${allowedText(problem).slice(0, 120)}`, problem.hint];
+  const parts = [path && `${path} ${problem.message ?? ""}`.trim(), !path && problem.message, told(problem.allowed) && `allowed: ${allowedText(problem).slice(0, 120)}`, problem.hint && inWords(problem.hint)];
   return parts.filter(Boolean).join("; ");
+}
+
+const inputs = () => [...document.querySelectorAll("[data-path], [data-set]")];
+const pathOf = (input) => input.dataset.path ?? `/set/${input.dataset.set}`;
+const isAbout = (problem, input) => [problem.path, `/protocol${problem.path}`].includes(pathOf(input));
+
+// The page has no form for the limits: they are set on the command line.
+const inWords = (hint) => hint.replace("by limits.set", "by 'ferrobench limits set' on the command line");
+
+// What an input takes in another unit than the daemon is told in the input's, under the words of its label.
+function asTyped(problem) {
+  const input = inputs().find((each) => each.dataset.unit && isAbout(problem, each));
+  if (!input) return problem;
+  const scale = Number(input.dataset.scale ?? 1);
+  const typed = (value) => typeof value === "number" ? Number((value / scale).toPrecision(12))
+    : value && typeof value === "object" && !Array.isArray(value) ? Object.fromEntries(Object.entries(value).map(([name, each]) => [name, typed(each)])) : value;
+  return { ...problem, label: input.closest("label").firstChild.textContent.trim(), given: typed(problem.given), allowed: typed(problem.allowed), unit: input.dataset.unit };
 }
 
 let notes = 0;
@@ -43,8 +61,7 @@ let notes = 0;
 // within it; those that no field stands for are told below its text.
 function mark(problems, label) {
   for (const note of document.querySelectorAll(".field-error")) note.remove();
-  const inputs = [...document.querySelectorAll("[data-path], [data-set]")];
-  const pathOf = (input) => input.dataset.path ?? `/set/${input.dataset.set}`;
+  const all = inputs();
   const left = new Set(problems);
   const note = (input, text) => {
     const id = `field-error-${++notes}`;
@@ -52,15 +69,15 @@ function mark(problems, label) {
     input.setAttribute("aria-describedby", id);
     input.after(element("span", { class: "field-error", id }, text));
   };
-  for (const input of inputs) {
+  for (const input of all) {
     input.removeAttribute("aria-invalid");
     input.removeAttribute("aria-describedby");
-    const problem = problems.find((p) => [p.path, `/protocol${p.path}`].includes(pathOf(input)));
+    const problem = problems.find((p) => isAbout(p, input));
     if (!problem) continue;
     left.delete(problem);
     note(input, besideField(problem));
   }
-  const text = inputs.find((input) => pathOf(input) === "/protocol");
+  const text = all.find((input) => pathOf(input) === "/protocol");
   const [first] = left;
   if (text && first && label === "bad_protocol") note(text, besideField(first, first.path));
 }
@@ -68,7 +85,7 @@ function mark(problems, label) {
 // `what`: the sentence that says what did not happen.
 export function showError(what, error) {
   if (!error.problems) console.warn(error);
-  const problems = error.problems ?? [];
+  const problems = (error.problems ?? []).map(asTyped);
   mark(problems, error.label);
   byId("errors").replaceChildren(
     element("div", { class: "error" },

@@ -151,6 +151,21 @@ TEST_F(Cli, ProblemsAreToldWhereAndHowTheUserWroteThem) {
               HasSubstr("is outside its range: -1 kV/mm/s; allowed: 1e-09 to 1e+09 kV/mm/s"));
   EXPECT_THAT(run({"run", "full-loops", "--set", "model.material.barrier=-3"}).err,
               HasSubstr("--set model.material.barrier: is outside its range: -3 J/m^3"));
+  EXPECT_THAT(
+      run({"run", "full-loops", "--set", "prestress_MPa=8e6"}).err,
+      HasSubstr("--set prestress_MPa: is outside its range: 8000000 MPa; allowed: -1000 to 10000 MPa"));
+  EXPECT_THAT(
+      run({"run", "full-loops", "--fast", "--set", "device.past=poled"}).err,
+      HasSubstr("--set device.past: must be an object: \"poled\" (for example 'device.past={\"kind\": "
+                "\"poled_minus\"}')"));
+  EXPECT_THAT(
+      run({"run", "full-loops", "--fast", "--set", "sample_rate_Hz=0"}).err,
+      HasSubstr("is outside the range of the rate with 4 channels: 0 Hz; allowed: 0.25 to 125000 Hz"));
+  EXPECT_THAT(run({"run", "full-loops", "--fast", "--device", "vitual"}).err,
+              HasSubstr("did you mean \"virtual\"?"));
+  EXPECT_THAT(run({"queue", "add", "full-loops", "--sweep", "rate=1:100"}).err,
+              HasSubstr("has no count: \"rate=1:100\" (for example --sweep rate=1:100:5"));
+  EXPECT_THAT(run({"discover", "--model", "soft-pzt"}).err, HasSubstr("none was given"));
   EXPECT_THAT(run({"run", "full-loops", "--fast", "--set", "device.chrage.enabled=false"}).err,
               HasSubstr("--set device.chrage: is not a known key; did you mean \"charge\"?"));
 
@@ -166,8 +181,9 @@ TEST_F(Cli, ProblemsAreToldWhereAndHowTheUserWroteThem) {
   EXPECT_THAT(preview.err, HasSubstr(place));
   mine["segments"][2]["rate"] = "fast";
   std::ofstream(file("mine.json")) << mine.dump();
-  EXPECT_THAT(run({"protocol", "validate", file("mine.json")}).err,
-              HasSubstr(file("mine.json") + ": /segments/2/rate: must be a number: \"fast\""));
+  EXPECT_THAT(
+      run({"protocol", "validate", file("mine.json")}).err,
+      HasSubstr(file("mine.json") + ": /segments/2/rate: must be a number: \"fast\"; its unit is kV/mm/s\n"));
   std::ofstream(file("mine.json")) << "{";
   EXPECT_THAT(run({"protocol", "validate", file("mine.json")}).err,
               HasSubstr(file("mine.json") + ": the protocol is not JSON"));

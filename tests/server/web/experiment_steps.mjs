@@ -66,11 +66,19 @@ export async function saysWhatIsWrong({ page }) {
   assert.match(await page.locator("#parameters .field-error").innerText(), /number/);
   await page.fill('[data-set="rate"]', "1");
   await error.waitFor({ state: "detached" });
+  for (const [field, value, said] of [["prestress", "8e6", /Prestress \[MPa\].*given\s+8000000 MPa.*to 10000 MPa/s], ["spring", "-1", /Spring \[N\/µm\].*given\s+-1 N\/µm/s]]) {
+    await page.fill(`#${field}`, value);
+    await page.click("#start");
+    await error.waitFor();
+    assert.match(await error.innerText(), said, "in the unit of the field");
+    await page.fill(`#${field}`, "");
+    await error.waitFor({ state: "detached" });
+  }
   const to = page.locator('[data-path="/protocol/segments/0/to"]');
   await to.fill("-5");
   await to.press("Enter");
   await error.waitFor();
-  assert.match(await error.innerText(), /guard would refuse/);
+  assert.match(await error.innerText(), /guard would refuse.*ferrobench limits set/s);
   await page.click("#start");
   await page.waitForFunction(() => document.querySelector("#errors")?.textContent.includes("was not started"));
   await page.click("#undo");
