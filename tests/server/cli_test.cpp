@@ -257,7 +257,8 @@ TEST_F(Cli, LimitsAreShownAndSetInUnitsPeopleUse) {
   EXPECT_THAT(refused("field_max=2"),
               HasSubstr("field_max: has no unit: \"2\"; allowed: kV/mm, MV/m, kV/m or V/m"));
   EXPECT_THAT(shown.out, HasSubstr("5 %"));
-  EXPECT_THAT(refused("monitor_margin=0.5"), HasSubstr("monitor_margin: has no unit: \"0.5\"; allowed: %"));
+  EXPECT_THAT(refused("monitor_margin=0.5"),
+              HasSubstr("monitor_margin: has no unit: \"0.5\"; allowed: \"%\""));
   EXPECT_THAT(refused("monitor_margin=10%"), HasSubstr("ferrobench serve"));
   EXPECT_THAT(refused("field_max=2 furlongs"), HasSubstr("not known here"));
   EXPECT_THAT(refused("feild_max=2kV/mm"), HasSubstr("did you mean \"field_max\"?"));
