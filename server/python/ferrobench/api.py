@@ -1506,19 +1506,19 @@ class RecordingArea(Area):
         header
             whether the first row holds names; absent: found
         time
-            column of the time; absent, with no other column: by their names [s]
+            column of the time; absent, as for each channel: the one that is named so [s]
         sample_rate_Hz
             in place of a column of the time [Hz]; above 0
         command
-            column of this channel, if it was measured
+            column of this channel, if it was measured; absent: named so
         field
-            column of this channel, if it was measured
+            column of this channel, if it was measured; absent: named so
         charge
-            column of this channel, if it was measured
+            column of this channel, if it was measured; absent: named so
         displacement
-            column of this channel, if it was measured
+            column of this channel, if it was measured; absent: named so
         force
-            column of this channel, if it was measured
+            column of this channel, if it was measured; absent: named so
         specimen
             name
         layer_count
@@ -1526,7 +1526,7 @@ class RecordingArea(Area):
         spring_stiffness_N_per_m
             of the spring that it works against; 0: none [N/m]; at least 0; default 0.0
         prestress_Pa
-            that it is under [Pa]; default 0.0
+            that it is under; compression positive [Pa]; at least -1e+09; at most 1e+10; default 0.0
         charge_is_absolute
             false: its zero is the first sample; default False
         current
@@ -1747,7 +1747,7 @@ class RunArea(Area):
         Parameters
         ----------
         protocol
-            name of a shipped protocol, or a protocol; none for a replay, which has its own
+            name of a protocol that ships or was put here, or a protocol; none for a replay, which has its own
         device
             a kind of device (opened for this run alone), one opened before, or "replay:NAME" of a recording;
             default virtual
