@@ -10,17 +10,19 @@ namespace {
 constexpr double lowest_count = -32768, highest_count = 32767;
 // A column on a grid over a sensor's table ends one count above the lowest.
 constexpr int within_ends = 32766;
+// Share of a sensor's range: an end so near to zero is where the specimen rests, and noise reaches it.
+constexpr double at_rest = 0.05;
 
-// The counts that a limit allows. One that lies beyond all counts allows each of them, or, where the ends are
+// The counts that a limit allows. One that lies beyond all counts allows each of them, or, where that end is
 // watched, all but the last ones.
-int lowest_allowed(double limit, bool watch_ends) {
+int lowest_allowed(double limit, bool watch_end) {
   const double count = std::ceil(limit);
-  if (count < lowest_count && watch_ends) return -within_ends;
+  if (count < lowest_count && watch_end) return -within_ends;
   return static_cast<int>(std::clamp(count, lowest_count, highest_count + 1));
 }
-int highest_allowed(double limit, bool watch_ends) {
+int highest_allowed(double limit, bool watch_end) {
   const double count = std::floor(limit);
-  if (count > highest_count && watch_ends) return within_ends;
+  if (count > highest_count && watch_end) return within_ends;
   return static_cast<int>(std::clamp(count, lowest_count - 1, highest_count));
 }
 
@@ -50,9 +52,14 @@ Trips::Trips(const Limits& limits, std::span<const recordings::RawColumn> column
     }
     const double a = (min - offset) / gain;
     const double b = (max - offset) / gain;
-    const bool watch_ends = measured && channel != recordings::Channel::field;
-    windows_.push_back({channel, i, gain, offset, min, max, lowest_allowed(std::min(a, b), watch_ends),
-                        highest_allowed(std::max(a, b), watch_ends)});
+    const double rest = at_rest * std::abs(gain) * (highest_count - lowest_count);
+    const bool may_watch = measured && channel != recordings::Channel::field;
+    const auto watched = [&, gain = gain, offset = offset](double end) {
+      return may_watch && std::abs(gain * end + offset) > rest;
+    };
+    windows_.push_back({channel, i, gain, offset, min, max,
+                        lowest_allowed(std::min(a, b), watched(lowest_count)),
+                        highest_allowed(std::max(a, b), watched(highest_count))});
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "daq/guard/trips.h"
 #include "faulty_device.h"
 #include "programs.h"
 
@@ -178,6 +179,26 @@ TEST(Guard, ASensorAtItsEndTripsIfTheLimitLiesBeyond) {
     EXPECT_EQ(end_of(-3e-4, 3e-4, count).end, End::limit) << count;
   }
   for (const int count : {-32766, 32766}) EXPECT_EQ(end_of(-1e-3, 1e-3, count).end, End::complete) << count;
+}
+
+// 0 to 65.535 um: the noise of a specimen at rest reaches the lower end.
+TEST(Trips, AnEndWhereTheSpecimenRestsSaysNothing) {
+  Limits limits;
+  limits.displacement_min = -1e-4;
+  limits.displacement_max = 1e-4;
+  for (const double gain : {1e-9, -1e-9}) {
+    const recordings::RawColumn column{recordings::Channel::displacement, gain, 32768e-9};
+    const Trips trips(limits, std::span(&column, 1), true);
+    const auto at = [&](int count) {
+      SampleBlock block;
+      block.counts = {static_cast<std::int16_t>(count)};
+      return trips.violation(block);
+    };
+    const int rest = gain > 0 ? -32768 : 32767, far = gain > 0 ? 32767 : -32768;
+    EXPECT_FALSE(at(rest)) << gain;
+    EXPECT_FALSE(at(0)) << gain;
+    EXPECT_TRUE(at(far)) << gain;
+  }
 }
 
 TEST(Guard, WhatWasMeasuredBeforeDoesNotTripAtASensorsEnd) {
