@@ -54,6 +54,7 @@ std::vector<Row> rows() {
 const Row& row_of(const std::vector<Row>& rows, const std::string& name) {
   if (const auto found = std::ranges::find(rows, name, &Row::name); found != rows.end()) return *found;
   std::vector<std::string> names;
+  names.reserve(rows.size());
   for (const auto& row : rows) names.push_back(row.name);
   const auto guess = nearest_name(name, names);
   throw Error(ErrorCode::invalid_params, "there is no such limit",
