@@ -4,8 +4,8 @@
 
 #include "model/inference/report/empirical_picture.h"
 #include "model/inference/report/picture_axis.h"
+#include "model/inference/report/picture_curves.h"
 #include "recordings/reports/html_page.h"
-#include "recordings/reports/plot.h"
 
 namespace ferrobench::model {
 namespace {
@@ -23,17 +23,6 @@ recordings::Figure picture_of(const MissingSignal& signal) {
           .log_x = false,
           .square = true,
           .series = {std::move(s)}};
-}
-
-// One of a trace's curves. What was measured is grey, and a model has one colour in both pictures.
-recordings::Series measured_series() {
-  return {.label = "measured", .points = {}, .quiet = true};
-}
-recordings::Series before_series() {
-  return {.label = "before", .points = {}, .value = 0};
-}
-recordings::Series after_series() {
-  return {.label = "after", .points = {}, .value = 1};
 }
 
 recordings::Figure empty_figure(const Trace& t, const std::string& shown) {
@@ -55,17 +44,17 @@ void add_series(recordings::Figure& figure, const Trace& t, recordings::Series s
 
 recordings::Figure picture_of(const Trace& t, bool repaired) {
   auto out = empty_figure(t, "");
-  add_series(out, t, measured_series(), [&](std::size_t i) { return t.measured[i]; });
-  add_series(out, t, before_series(), [&](std::size_t i) { return t.before[i]; });
-  if (repaired) add_series(out, t, after_series(), [&](std::size_t i) { return t.after[i]; });
+  add_series(out, t, measured_curve(), [&](std::size_t i) { return t.measured[i]; });
+  add_series(out, t, curve_before(), [&](std::size_t i) { return t.before[i]; });
+  if (repaired) add_series(out, t, curve_after(), [&](std::size_t i) { return t.after[i]; });
   return out;
 }
 
 // The miss itself, which the curves hide where they are close.
 recordings::Figure miss_of(const Trace& t, bool repaired) {
   auto out = empty_figure(t, ": measured less model");
-  add_series(out, t, before_series(), [&](std::size_t i) { return t.measured[i] - t.before[i]; });
-  if (repaired) add_series(out, t, after_series(), [&](std::size_t i) { return t.measured[i] - t.after[i]; });
+  add_series(out, t, curve_before(), [&](std::size_t i) { return t.measured[i] - t.before[i]; });
+  if (repaired) add_series(out, t, curve_after(), [&](std::size_t i) { return t.measured[i] - t.after[i]; });
   return out;
 }
 

@@ -6,6 +6,7 @@
 
 #include "base/number_text.h"
 #include "model/inference/report/picture_axis.h"
+#include "model/inference/report/picture_curves.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/plot.h"
 #include "recordings/reports/table.h"
@@ -78,14 +79,10 @@ Table recording_table(std::span<const RecordingData> recordings) {
   return out;
 }
 
-void add_points(recordings::Series& to, const std::vector<double>& x, double x_scale,
-                const std::vector<double>& y, double y_scale) {
-  for (std::size_t i = 0; i < x.size(); ++i) to.points.push_back({x_scale * x[i], y_scale * y[i]});
-}
-
-// What was measured is grey, and a model has one colour in all pictures.
-std::vector<recordings::Series> model_series() {
-  return {{.label = "before", .points = {}, .value = 0}, {.label = "after", .points = {}, .value = 1}};
+recordings::Series with_points(recordings::Series curve, const std::vector<double>& x, double x_scale,
+                               const std::vector<double>& y, double y_scale) {
+  for (std::size_t i = 0; i < x.size(); ++i) curve.points.push_back({x_scale * x[i], y_scale * y[i]});
+  return curve;
 }
 
 std::vector<double> difference(const std::vector<double>& a, const std::vector<double>& b) {
@@ -100,30 +97,27 @@ std::string title_of(const ComparedCurve& curve) {
 
 recordings::Figure loop_of(const ComparedCurve& before, const ComparedCurve& after) {
   const auto axis = picture_axis(after.channel), field = picture_axis(Channel::field);
-  auto series = model_series();
-  series.insert(series.begin(), {.label = "measured", .points = {}, .quiet = true});
-  add_points(series[0], after.field, field.scale, after.measured, axis.scale);
-  add_points(series[1], before.field, field.scale, before.simulated, axis.scale);
-  add_points(series[2], after.field, field.scale, after.simulated, axis.scale);
   return {.title = title_of(after),
           .x_label = field.label,
           .y_label = axis.label,
           .log_x = false,
           .square = true,
-          .series = std::move(series)};
+          .series = {with_points(measured_curve(), after.field, field.scale, after.measured, axis.scale),
+                     with_points(curve_before(), before.field, field.scale, before.simulated, axis.scale),
+                     with_points(curve_after(), after.field, field.scale, after.simulated, axis.scale)}};
 }
 
 recordings::Figure residual_of(const ComparedCurve& before, const ComparedCurve& after) {
   const auto axis = picture_axis(after.channel);
-  auto series = model_series();
-  add_points(series[0], before.time, 1, difference(before.measured, before.simulated), axis.scale);
-  add_points(series[1], after.time, 1, difference(after.measured, after.simulated), axis.scale);
   return {.title = title_of(after) + ": measured less model",
           .x_label = "time [s]",
           .y_label = axis.label,
           .log_x = false,
           .square = false,
-          .series = std::move(series)};
+          .series = {with_points(curve_before(), before.time, 1,
+                                 difference(before.measured, before.simulated), axis.scale),
+                     with_points(curve_after(), after.time, 1, difference(after.measured, after.simulated),
+                                 axis.scale)}};
 }
 
 std::string drawn(const std::vector<recordings::Figure>& figures, const std::string& container) {
