@@ -8,8 +8,6 @@
 namespace ferrobench::model::inference {
 namespace {
 
-// Less than this share of the range is below what any simulation resolves.
-constexpr double smallest_noise = 2e-4;
 // By so much of the range (root mean square) two programs that solve the same equations differ once both are
 // recalibrated to the same data. Of five benches with nothing hidden, played by 16,384 domains, 300 to 530 of
 // the sum of squares were left, and 700 to an effect, which are 1.5e-5 to 2.1e-5; by 65,536 domains at most

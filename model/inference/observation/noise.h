@@ -22,6 +22,9 @@
 
 namespace ferrobench::model::inference {
 
+// Share of a channel's range: noise of less is below what any simulation resolves, and counts as that much.
+inline constexpr double smallest_noise = 2e-4;
+
 struct NoiseModel {
   double white = 0;             // standard deviation
   double slow = 0;              // standard deviation of the correlated part

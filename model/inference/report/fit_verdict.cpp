@@ -4,13 +4,12 @@
 
 #include <algorithm>
 
+#include "model/inference/observation/noise.h"
 #include "recordings/analysis/statistics.h"
 
 namespace ferrobench::model {
 namespace {
 
-// Share of a channel's range: less noise than this is below what simulations resolve (observation/noise.cpp).
-constexpr double resolved = 2e-4;
 // What a miss may be of the noise and still count as such: an estimate of noise is good to a tenth or two,
 // and of a bench that is simulated itself the fits at hand leave up to 1.7.
 constexpr double as_noise = 2;
@@ -64,7 +63,7 @@ FitVerdict judge(const FitResult& result, const ResidualModel& residuals,
   for (std::size_t r = 0; r < recordings.size(); ++r)
     for (const auto& column : recordings[r].columns) {
       const double share = noise[r].at(static_cast<std::size_t>(column.channel)) / column.range;
-      const double times = after[part].second / (100 * std::max(share, resolved));
+      const double times = after[part].second / (100 * std::max(share, inference::smallest_noise));
       if (!out.times_noise || times > *out.times_noise) {
         out.times_noise = times;
         out.where = residuals.parts()[part].name;

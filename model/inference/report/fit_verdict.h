@@ -1,7 +1,7 @@
 // How far a fit may be believed: what it leaves of the measurement in units of the noise, and how many
-// parameters ended at a bound of their range. Noise of less than 0.02 % of a channel's range is below what
-// simulations resolve, and counts as that much. A parameter at its bound holds the others where they are, so
-// that no interval says where the truth is.
+// parameters ended at a bound of their range. Noise counts as no less than simulations resolve
+// (observation/noise.h). A parameter at its bound holds the others where they are, so that no interval says
+// where the truth is.
 #pragma once
 
 #include <array>
