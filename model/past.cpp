@@ -87,10 +87,10 @@ void cycle(Simulator::State& state, std::span<const double> time, std::span<cons
 
 }  // namespace
 
-std::size_t past_pieces(const Past* past, std::size_t knots) {
-  if (past == nullptr) return 0;
-  if (past->kind == PastKind::visited) return past->levels.size() + 1;
-  return past->kind == PastKind::cycled ? most_cycles * (knots + 1) : 0;
+std::size_t pieces_played(const Past* past, std::size_t knots) {
+  if (past == nullptr) return knots;
+  if (past->kind == PastKind::visited) return knots + past->levels.size() + 1;
+  return past->kind == PastKind::cycled ? knots + most_cycles * (knots + 1) : knots;
 }
 
 void start_after(Simulator::State& state, std::span<const double> knot_time,

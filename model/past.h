@@ -15,8 +15,9 @@ namespace ferrobench::model {
 // domains.
 inline constexpr int most_cycles = 10;
 
-// Pieces of field that a past may take to play, for `knots` of the program; bounds on time follow from it.
-std::size_t past_pieces(const protocols::Past* past, std::size_t knots);
+// Pieces of field that are played at most: `knots` of a program, and what its past takes. Bounds on time
+// follow from it.
+std::size_t pieces_played(const protocols::Past* past, std::size_t knots);
 
 // Starts the state before a program.
 void start_after(Simulator::State& state, std::span<const double> knot_time,

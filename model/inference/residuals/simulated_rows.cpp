@@ -51,8 +51,7 @@ std::optional<SimulatedRows> simulate_recorded(const Model& model, const Recordi
   auto options = fidelity.simulation;
   options.past = past != nullptr ? past : &data.past;
   if (options.most_steps == 0)
-    options.most_steps =
-        steps_at_least + steps_per_knot * (drive.time.size() + past_pieces(options.past, drive.time.size()));
+    options.most_steps = steps_at_least + steps_per_knot * pieces_played(options.past, drive.time.size());
   try {
     if (parameters.empty()) {
       simulate_at(model, drive.time, drive.field, data.time, spans, options);

@@ -134,7 +134,7 @@ std::vector<std::vector<std::vector<double>>> WhitenedRecordings::channels(
 
 std::uint64_t WhitenedRecordings::pieces(std::size_t recording) const {
   const auto& r = bench_[recording];
-  return r.knot_time.size() + past_pieces(&r.header.past, r.knot_time.size());
+  return pieces_played(&r.header.past, r.knot_time.size());
 }
 
 SimulationOptions WhitenedRecordings::bounded(std::size_t recording) const {
