@@ -129,7 +129,7 @@ ExcessTaken Inquiry::held_out_excess(const WorkflowResult& found) const {
     const auto residual = held_out.evaluate(f.hypothesis, f.z);
     double out = 0;
     for (const auto& b : held_out.blocks())
-      out += std::max(0.0, residual.segment(b.begin, b.count).squaredNorm() - static_cast<double>(b.count));
+      out += excess_squares(std::span(residual.data() + b.begin, static_cast<std::size_t>(b.count)));
     return out;
   };
   return {excess(found.base), excess(found.best->fit)};

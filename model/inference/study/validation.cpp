@@ -25,7 +25,7 @@ struct Squares {
   double mean() const { return sum / static_cast<double>(count); }
 };
 
-Squares squares_of(const std::vector<double>& channel) {
+Squares squares_of(std::span<const double> channel) {
   Squares out;
   for (const double e : channel) out.add(e);
   return out;
@@ -161,7 +161,7 @@ bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothes
                              [&](const auto& l) { return l.second.model_error > floor; });
 }
 
-double excess_squares(const std::vector<double>& standardized) {
+double excess_squares(std::span<const double> standardized) {
   const auto squares = squares_of(standardized);
   return std::max(0.0, squares.sum - static_cast<double>(squares.count));
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <set>
+#include <span>
 #include <vector>
 
 #include "model/inference/residuals/whitened_recordings.h"
@@ -43,7 +44,7 @@ bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothes
 // The sum of squares above the noise's, of one channel of one recording; none where noise is enough. Each
 // channel is asked for itself: a noise that was counted too high in one must not hide what is missed in
 // another.
-double excess_squares(const std::vector<double>& standardized);
+double excess_squares(std::span<const double> standardized);
 double excess_squares(const Signals& standardized);
 // Whether more than noise is in any channel.
 bool shows(const Signals& standardized, const SelectionOptions& options);
