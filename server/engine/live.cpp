@@ -57,8 +57,7 @@ Topic samples_topic() {
           .merge = merge_samples};
 }
 
-json decimate(const recordings::Rows& rows, std::size_t bins) {
-  const auto begins = recordings::stretches(rows.time, bins);
+json decimate(const recordings::Rows& rows, std::span<const std::size_t> begins) {
   json columns{{"time", json::array()}};
   for (const auto begin : begins) columns["time"].push_back(rows.time[begin]);
   for (const auto channel : recordings::all_channels) {
@@ -112,7 +111,9 @@ void LiveStream::add(const recordings::Rows& rows) {
     held_ = nullptr;
     return;
   }
-  json next{{"run", run_}, {"measured", recordings::iso_now()}, {"columns", decimate(rows, bins_of(rows))}};
+  json next{{"run", run_},
+            {"measured", recordings::iso_now()},
+            {"columns", decimate(rows, recordings::stretches(rows.time, bins_of(rows)))}};
   if (held_.is_null()) {
     held_ = std::move(next);
   } else {

@@ -21,8 +21,8 @@ namespace ferrobench::server {
 inline constexpr std::size_t max_bins = 200;
 
 Topic samples_topic();
-// At most `bins` stretches (thinning.h).
-nlohmann::json decimate(const recordings::Rows& rows, std::size_t bins);
+// Over the stretches that begin with these rows (thinning.h).
+nlohmann::json decimate(const recordings::Rows& rows, std::span<const std::size_t> begins);
 void merge_samples(nlohmann::json& held, const nlohmann::json& next);
 
 // One run's stream into the hub, at most 30 messages a second however fast the rows come.

@@ -206,10 +206,10 @@ json columns_of(Engine& engine, const ReadParams& p) {
     if (recording.has(channel))
       part.channels.at(static_cast<std::size_t>(channel)) =
           std::span(recording.at(channel)).subspan(first, rows);
-  auto out = decimate(part, static_cast<std::size_t>(p.max_points));
+  const auto begins = recordings::stretches(part.time, static_cast<std::size_t>(p.max_points));
+  auto out = decimate(part, begins);
   out["rows"] = rows;
-  for (const auto begin : recordings::stretches(part.time, static_cast<std::size_t>(p.max_points)))
-    out["row"].push_back(first + begin);
+  for (const auto begin : begins) out["row"].push_back(first + begin);
   out["segments"] = segment_rows(recording);
   return out;
 }

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "engine_bench.h"
+#include "recordings/analysis/thinning.h"
 #include "recordings/disk/new_file.h"
 #include "recordings/file/reader.h"
 #include "recordings/file/recover.h"
@@ -325,7 +326,9 @@ TEST(Live, MergingKeepsExtremesAndStaysSmall) {
   for (std::size_t first = 0; first < time.size(); first += 100) {
     recordings::Rows rows{.time = std::span(time).subspan(first, 100), .channels = {}, .counts = {}};
     rows.channels[static_cast<std::size_t>(Channel::field)] = std::span(field).subspan(first, 100);
-    json next{{"run", "r"}, {"measured", std::to_string(first)}, {"columns", decimate(rows, 20)}};
+    json next{{"run", "r"},
+              {"measured", std::to_string(first)},
+              {"columns", decimate(rows, recordings::stretches(rows.time, 20))}};
     if (held.is_null()) {
       held = next;
     } else {
@@ -369,12 +372,15 @@ TEST(Live, RowsUnevenlySpacedAreDrawnWhereTheyAre) {
     return rows;
   };
   const double duration = all.time.back();
-  const auto whole = decimate(rows_at(0, all.time.size()), 2000);
+  const auto thinned = [](const recordings::Rows& rows, std::size_t most) {
+    return decimate(rows, recordings::stretches(rows.time, most));
+  };
+  const auto whole = thinned(rows_at(0, all.time.size()), 2000);
   EXPECT_LE(whole["time"].size(), 2000u);
   expect_level_holds(whole, all, 2 * duration / 1000);
   json held;
   for (std::size_t first = 0; first < all.time.size(); first += 50) {
-    json next{{"run", "r"}, {"measured", ""}, {"columns", decimate(rows_at(first, 50), max_bins)}};
+    json next{{"run", "r"}, {"measured", ""}, {"columns", thinned(rows_at(first, 50), max_bins)}};
     if (held.is_null()) {
       held = next;
     } else {
