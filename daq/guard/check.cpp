@@ -15,6 +15,9 @@ namespace {
 using protocols::Piece;
 using protocols::PieceKind;
 
+// How limits are set; no form of the page does.
+constexpr const char* by_command = "by 'ferrobench limits set' on the command line, or limits.set";
+
 struct Extremes {
   double low = 0;
   double high = 0;
@@ -68,13 +71,14 @@ class Checker {
     // Written so that a NaN fails.
     if (!(e.high <= limits_.field_max + slack_) || !(e.low >= limits_.field_min - slack_)) {
       const bool high = !(e.high <= limits_.field_max + slack_);
-      out_.add(i, high ? e.high - limits_.field_max : limits_.field_min - e.low,
-               {.path = "level",
-                .message = high ? "the field rises above the limit" : "the field falls below the limit",
-                .given = unit_.level(high ? e.high : e.low),
-                .allowed = {{"from", unit_.level(limits_.field_min)}, {"to", unit_.level(limits_.field_max)}},
-                .unit = unit_.name,
-                .hint = "lower the level, or set limits that the specimen allows by limits.set"});
+      out_.add(
+          i, high ? e.high - limits_.field_max : limits_.field_min - e.low,
+          {.path = "level",
+           .message = high ? "the field rises above the limit" : "the field falls below the limit",
+           .given = unit_.level(high ? e.high : e.low),
+           .allowed = {{"from", unit_.level(limits_.field_min)}, {"to", unit_.level(limits_.field_max)}},
+           .unit = unit_.name,
+           .hint = std::string("lower the level, or set limits that the specimen allows ") + by_command});
     }
   }
 
@@ -133,7 +137,7 @@ class Checker {
                 .allowed = {{"to", limits_.reverse_field_time}},
                 .unit = "s",
                 .hint = "shorten the holds below " + in_words(limits_.reverse_field_threshold) +
-                        ", or raise reverse_field_time by limits.set"});
+                        ", or raise reverse_field_time " + by_command});
     reported_ = over;
   }
 

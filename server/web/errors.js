@@ -26,7 +26,7 @@ function problemItem(problem) {
   const rows = [];
   if (told(problem.given)) rows.push(["given", shown(problem.given) + (problem.unit && typeof problem.given !== "string" ? ` ${problem.unit}` : "")]);
   if (told(problem.allowed)) rows.push(["allowed", allowedNode(problem)]);
-  if (problem.hint) rows.push(["hint", inWords(problem.hint)]);
+  if (problem.hint) rows.push(["hint", problem.hint]);
   if (rows.length)
     item.append(element("dl", { class: "facts" },
       ...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)])));
@@ -34,16 +34,13 @@ function problemItem(problem) {
 }
 
 function besideField(problem, path = "") {
-  const parts = [path && `${path} ${problem.message ?? ""}`.trim(), !path && problem.message, told(problem.allowed) && `allowed: ${allowedText(problem).slice(0, 120)}`, problem.hint && inWords(problem.hint)];
+  const parts = [path && `${path} ${problem.message ?? ""}`.trim(), !path && problem.message, told(problem.allowed) && `allowed: ${allowedText(problem).slice(0, 120)}`, problem.hint];
   return parts.filter(Boolean).join("; ");
 }
 
 const inputs = () => [...document.querySelectorAll("[data-path], [data-set]")];
 const pathOf = (input) => input.dataset.path ?? `/set/${input.dataset.set}`;
 const isAbout = (problem, input) => [problem.path, `/protocol${problem.path}`].includes(pathOf(input));
-
-// The page has no form for the limits: they are set on the command line.
-const inWords = (hint) => hint.replace("by limits.set", "by 'ferrobench limits set' on the command line");
 
 // What an input takes in another unit than the daemon is told in the input's, under the words of its label.
 function asTyped(problem) {
