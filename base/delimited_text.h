@@ -50,8 +50,8 @@ class DelimitedText {
   std::string_view text(std::size_t column) const { return cells_[column]; }
   // NaN for a gap, and for what is no number, which is a problem with this hint.
   double number(std::size_t column, std::string_view hint = "");
-  std::optional<double> number_if_any(
-      std::size_t column);  // without a problem, and the decimal mark stays open
+  // Without a problem, and the decimal mark stays open.
+  std::optional<double> number_if_any(std::size_t column);
 
   // "column 3 (field)"
   std::string column_name(std::size_t column) const;

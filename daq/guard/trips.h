@@ -2,8 +2,8 @@
 //
 // A converter at its end says "at least this". Where a limit of displacement or force lies beyond that end,
 // nobody knows whether it is kept, and the reading counts as a violation; but not at an end where the
-// specimen rests, as of a sensor that counts from there. The limit of the field does not
-// need that: no level beyond it goes out, and monitors often end where the amplifier does.
+// specimen rests, as of a sensor that counts from there. The limit of the field does not need that: no level
+// beyond it goes out, and monitors often end where the amplifier does.
 #pragma once
 
 #include <optional>

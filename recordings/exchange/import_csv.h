@@ -116,8 +116,8 @@ struct TableInFile {
   std::size_t first_line = 1;  // of the table's text
   Findings findings{};         // so far
   nlohmann::json device = nlohmann::json::object();
-  std::map<std::string, std::string>
-      units{};  // of columns, by their names: a tester's, which has only channels
+  // Of columns, by their names: a tester's, which has only channels.
+  std::map<std::string, std::string> units{};
 };
 
 // The table alone; what is found goes into the recording, too. Throws Error(bad_recording) with the lines and

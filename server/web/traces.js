@@ -228,6 +228,7 @@ export class RunCharts {
     for (const chart of [...this.series.values(), ...this.loops.map((l) => l.chart)]) chart.remove();
   }
 }
+
 // Inputs for the two cursors and the zoom, so that they need no mouse.
 export function chartTools(charts, ...more) {
   const cursor = (name) => {
