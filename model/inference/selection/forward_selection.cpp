@@ -143,7 +143,7 @@ void ForwardSelector::try_every_effect(const Trial* first) {
   keep_of_each(tried, 1);
   if (tried.size() > options_.plausible_refits) tried.resize(options_.plausible_refits);
   for (auto& t : tried) {
-    fits_.set_fit(t, minimize(coarse_, t.fit.hypothesis, t.fit.z, stage, &t.fit));
+    fits_.set_fit(t, minimize(coarse_, std::move(t.fit), stage));
   }
   fits_.sort_best_first(tried);
   auto& others = before.empty() ? out_.trials : pairs_;

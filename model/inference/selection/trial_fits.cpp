@@ -172,16 +172,16 @@ void TrialFits::refit(std::vector<Trial>& into, const Fit& from, const std::vect
     auto starts = starts_around(coarse_, *s.effect, s.values);
     std::ranges::move(plausible_starts(coarse_, *s.effect), std::back_inserter(starts));
     for (auto& values : starts) make_plausible(*s.effect, values);
-    const auto begun = best_of(std::move(starts));
+    auto begun = best_of(std::move(starts));
     auto far = solver;  // tables are simulated in milliseconds
     far.iterations = 40;
-    return add(minimize(coarse_, begun.hypothesis, begun.z, far, &begun), false);
+    return add(minimize(coarse_, std::move(begun), far), false);
   }
   const auto to_the_end = near;
   near.iterations = 3;
   add(add_effect(from, s, near), true);
   if (auto& t = into.back(); leads_to_noise(t.fit)) {
-    set_fit(t, minimize(coarse_, t.fit.hypothesis, t.fit.z, to_the_end, &t.fit));
+    set_fit(t, minimize(coarse_, std::move(t.fit), to_the_end));
     t.begun = !leads_to_noise(t.fit);
     if (!t.begun) return;
   }
@@ -202,7 +202,7 @@ void TrialFits::finish(std::vector<Trial>& trials, const SolverOptions& solver) 
     if (!std::exchange(t.begun, false) || t.fit.squares > options_.abandoned * rival) continue;
     auto near = solver;
     near.wanted = comparable(rival);
-    set_fit(t, minimize(coarse_, t.fit.hypothesis, t.fit.z, near, &t.fit));
+    set_fit(t, minimize(coarse_, std::move(t.fit), near));
     rival = std::min(rival, t.fit.squares);
   }
   sort_best_first(trials);

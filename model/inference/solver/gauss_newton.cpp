@@ -152,6 +152,54 @@ double try_step(const WhitenedResiduals& residuals, Fit& fit, const Step& step) 
   return gain;
 }
 
+// To the minimum from a fit whose Jacobian was made there or, for the first step, near there.
+Fit descend(const WhitenedResiduals& residuals, Fit out, const SolverOptions& options) {
+  double damping = options.damping, gained = 0;
+  // Along a bent valley a linear prediction promises what is not there, so a step that gains next to nothing,
+  // or promises no more, ends the solution too.
+  bool ended = false;
+  for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
+    const double enough = std::max(options.enough, 1e-4 * gained);
+    if (out.fresh && ended) break;
+    const Eigen::MatrixXd normal = out.normal();
+    const Eigen::VectorXd gradient = out.gradient();
+    if (out.fresh) {
+      const double decrease = decrease_by(out, normal, gradient);
+      if (decrease < enough || !may_reach(out.squares, options.wanted, options.trusted_decrease * decrease))
+        break;
+    }
+    if (options.tick) options.tick();
+    const auto curve = next_curve(residuals, out, normal, gradient, damping);
+    auto step = best_step(out, curve);
+    const bool fresh = out.fresh;
+    double gain = step.promised > 0 ? try_step(residuals, out, step) : 0;
+    bool inconsistent = false;
+    if (gain < 0) {
+      const double missed = step.promised - gain;
+      step = step_at(out, curve, shorter * step.share);
+      gain = try_step(residuals, out, step);
+      inconsistent = gain <= 0 && step.promised - gain > missed_by_noise * missed;
+    }
+    if (gain > 0) gained += gain;
+    // By slopes of another place a step proves nothing about this one.
+    ended = fresh && (inconsistent || (gain > 0 ? gain : step.promised) < enough);
+    // Directions that only priors hold want next to no damping, so it falls fast where a step kept its
+    // promise. A step that failed is made shorter by damping that shows.
+    if (gain <= 0)
+      damping = std::max(8 * damping, least_after_failure);
+    else
+      damping *= gain < 0.5 * step.promised || step.share < 0.5    ? 2
+                 : gain > 0.9 * step.promised && step.share > 0.75 ? 0.02
+                                                                   : 0.2;
+    if (i + 1 == options.iterations) {
+      out.fresh = out.fresh && gain <= 0;
+    } else if ((gain > 0 || !out.fresh) && !refresh_jacobian(residuals, out)) {
+      break;
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 double prior_squares(const Hypothesis& h, const Eigen::VectorXd& z) {
@@ -214,56 +262,18 @@ Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, c
       out.jacobian = Eigen::MatrixXd::Zero(residuals.size(), out.z.size());
       return out;
     }
-  } else if (warm_start != nullptr && warm_start->fresh && warm_start->z == out.z) {
+    return descend(residuals, std::move(out), options);
+  }
+  if (warm_start != nullptr && warm_start->fresh && warm_start->z == out.z) {
     out.jacobian = warm_start->jacobian;
     out.fresh = true;
-  } else if (!refresh_jacobian(residuals, out)) {
-    return out;
   }
-  double damping = options.damping, gained = 0;
-  // Along a bent valley a linear prediction promises what is not there, so a step that gains next to nothing,
-  // or promises no more, ends the solution too.
-  bool ended = false;
-  for (int i = 0; i < options.iterations && damping < most_damping; ++i) {
-    const double enough = std::max(options.enough, 1e-4 * gained);
-    if (out.fresh && ended) break;
-    const Eigen::MatrixXd normal = out.normal();
-    const Eigen::VectorXd gradient = out.gradient();
-    if (out.fresh) {
-      const double decrease = decrease_by(out, normal, gradient);
-      if (decrease < enough || !may_reach(out.squares, options.wanted, options.trusted_decrease * decrease))
-        break;
-    }
-    if (options.tick) options.tick();
-    const auto curve = next_curve(residuals, out, normal, gradient, damping);
-    auto step = best_step(out, curve);
-    const bool fresh = out.fresh;
-    double gain = step.promised > 0 ? try_step(residuals, out, step) : 0;
-    bool inconsistent = false;
-    if (gain < 0) {
-      const double missed = step.promised - gain;
-      step = step_at(out, curve, shorter * step.share);
-      gain = try_step(residuals, out, step);
-      inconsistent = gain <= 0 && step.promised - gain > missed_by_noise * missed;
-    }
-    if (gain > 0) gained += gain;
-    // By slopes of another place a step proves nothing about this one.
-    ended = fresh && (inconsistent || (gain > 0 ? gain : step.promised) < enough);
-    // Directions that only priors hold want next to no damping, so it falls fast where a step kept its
-    // promise. A step that failed is made shorter by damping that shows.
-    if (gain <= 0)
-      damping = std::max(8 * damping, least_after_failure);
-    else
-      damping *= gain < 0.5 * step.promised || step.share < 0.5    ? 2
-                 : gain > 0.9 * step.promised && step.share > 0.75 ? 0.02
-                                                                   : 0.2;
-    if (i + 1 == options.iterations) {
-      out.fresh = out.fresh && gain <= 0;
-    } else if ((gain > 0 || !out.fresh) && !refresh_jacobian(residuals, out)) {
-      break;
-    }
-  }
-  return out;
+  return minimize(residuals, std::move(out), options);
+}
+
+Fit minimize(const WhitenedResiduals& residuals, Fit from, const SolverOptions& options) {
+  if (!from.fresh && !refresh_jacobian(residuals, from)) return from;
+  return descend(residuals, std::move(from), options);
 }
 
 }  // namespace ferrobench::model::inference

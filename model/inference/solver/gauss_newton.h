@@ -61,6 +61,9 @@ struct SolverOptions {
 // fresh.
 Fit minimize(const WhitenedResiduals& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
              const SolverOptions& options, const Fit* warm_start = nullptr);
+// The minimum from a fit's z on. Its residual, and its Jacobian if that is fresh, must be what these
+// residuals give there: neither is made again.
+Fit minimize(const WhitenedResiduals& residuals, Fit from, const SolverOptions& options);
 // Makes the Jacobian anew at the fit's z. False if slopes cannot be had there: it is that of where it was
 // made last then, or zero.
 bool refresh_jacobian(const WhitenedResiduals& residuals, Fit& fit);

@@ -133,15 +133,29 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedRe
 
 namespace {
 
-// The next minimum of the coarse simulation, with the correction that the fit has. It takes the fit's place
-// if the fine simulation leaves less there; returns how much less.
-double advance_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
-                         const SolverOptions& options) {
-  auto next = minimize(coarse, fit.hypothesis, fit.z, options, &fit);
-  apply_fidelity_correction(coarse, fine, next);
+// Takes the fit to the place of `next` if less is left there; returns how much less.
+double advance(Fit& fit, Fit next) {
   const double gain = fit.squares - next.squares;
   if (gain > 0) fit = std::move(next);
   return gain;
+}
+
+// From one minimum to the next until that gains nothing.
+template <typename Next>
+void advance_to_the_end(Fit& fit, const Next& next) {
+  for (int round = 0; round < most_rounds; ++round) {
+    const double gain = advance(fit, next(fit));
+    if (gain < std::max(last_gain, last_share * fit.squares)) break;
+  }
+}
+
+// The next minimum of the coarse simulation, with the correction that the fit has. Its residual is that of
+// the fine simulation.
+Fit next_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, const Fit& fit,
+                   const SolverOptions& options) {
+  auto out = minimize(coarse, fit, options);
+  apply_fidelity_correction(coarse, fine, out);
+  return out;
 }
 
 }  // namespace
@@ -149,41 +163,34 @@ double advance_corrected(const WhitenedResiduals& coarse, const WhitenedResidual
 void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
                         const SolverOptions& options) {
   apply_fidelity_correction(coarse, fine, fit);
-  for (int round = 0; round < most_rounds; ++round) {
-    const double gain = advance_corrected(coarse, fine, fit, options);
-    if (gain < std::max(last_gain, last_share * fit.squares)) break;
-  }
+  advance_to_the_end(fit, [&](const Fit& from) { return next_corrected(coarse, fine, from, options); });
 }
 
 namespace {
 
-// Until that gains nothing, with steps by `steps`.
-void refine_by(const SimulationOptions& steps, WhitenedResiduals& fine, Fit& f,
-               const std::function<void()>& tick) {
+// The next minimum of the fine simulation, with steps by `steps`.
+Fit next_by(const SimulationOptions& steps, WhitenedResiduals& fine, Fit from, const SolverOptions& options) {
   const auto exact = fine.simulation();
-  for (int round = 0; round < most_rounds; ++round) {
-    fine.simulate_by(steps);
-    f.fidelity_correction = f.residual - fine.evaluate(f.hypothesis, f.z);
-    auto next = minimize(fine, f.hypothesis, f.z,
-                         {.iterations = 12, .enough = 1, .damping = hardly_damped, .tick = tick}, &f);
-    fine.simulate_by(exact);
-    set_residual(next, fine.evaluate(next.hypothesis, next.z));
-    const double gain = f.squares - next.squares;
-    if (gain > 0) f = std::move(next);
-    if (gain < std::max(last_gain, last_share * f.squares)) break;
-  }
+  fine.simulate_by(steps);
+  from.fidelity_correction = from.residual - fine.evaluate(from.hypothesis, from.z);
+  auto out = minimize(fine, std::move(from), options);
+  fine.simulate_by(exact);
+  set_residual(out, fine.evaluate(out.hypothesis, out.z));
+  return out;
 }
 
 }  // namespace
 
 void refine(const WhitenedResiduals& coarse, WhitenedResiduals& fine, Fit& f, LastSteps by,
             const std::function<void()>& tick) {
+  const SolverOptions options{.iterations = 12, .enough = 1, .damping = hardly_damped, .tick = tick};
   auto steps = fine.last_steps();
   steps.domains = std::min(steps.domains, fine.simulation().domains);
-  refine_by(steps, fine, f, tick);
+  advance_to_the_end(f, [&](const Fit& from) { return next_by(steps, fine, from, options); });
   if (by == LastSteps::fine && steps.domains < fine.simulation().domains) {
     f.fresh = false;  // its slopes are those of fewer nodes
-    refine_by(fine.simulation(), fine, f, tick);
+    f.fidelity_correction.resize(0);
+    advance_to_the_end(f, [&](const Fit& from) { return minimize(fine, from, options); });
   }
   apply_fidelity_correction(coarse, f.residual, f);
   if (!f.fresh) refresh_jacobian(coarse, f);
@@ -193,7 +200,7 @@ void anchor_corrected(const WhitenedResiduals& coarse, WhitenedResiduals& fine, 
                       const std::function<void()>& tick) {
   fine.release();
   apply_fidelity_correction(coarse, fine, f);
-  advance_corrected(coarse, fine, f, {.iterations = 12, .enough = 1, .tick = tick});
+  advance(f, next_corrected(coarse, fine, f, {.iterations = 12, .enough = 1, .tick = tick}));
   if (!f.fresh) refresh_jacobian(coarse, f);
   anchor_fine_fidelity(fine, f.hypothesis, f.z, f.residual);
 }

@@ -51,7 +51,7 @@ Fit recalibrated(const UnknownPasts& of, const Hypothesis& base, const Eigen::Ve
   Fit out = minimize(coarse, base, from, solver);
   for (int i = 0; i < corrections; ++i) {
     apply_fidelity_correction(coarse, fine, out);
-    out = minimize(coarse, base, out.z, solver, &out);
+    out = minimize(coarse, std::move(out), solver);
   }
   apply_fidelity_correction(coarse, fine, out);
   return out;
