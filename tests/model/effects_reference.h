@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <string_view>
 
 #include "tests/model/effects_support.h"
 #include "tests/model/empirical_reference.h"
@@ -21,10 +23,11 @@ class Reference {
     double barrier, field, weight, plus = 1, minus = 0;
   };
 
-  Reference(Model m, std::map<std::string, double> parameters) : m_(std::move(m)), p_(std::move(parameters)) {
+  Reference(Model m, const std::map<std::string, double>& parameters)
+      : m_(std::move(m)), p_(parameters.begin(), parameters.end()) {
     for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate", "empirical_drive",
                            "empirical_spring"})
-      empirical_.emplace(id, PlainTerm(p_, id));
+      empirical_.emplace(id, PlainTerm(parameters, id));
     domains_ = {{m_.material.barrier, of("internal_bias_field.field"), 1}};
     const double log_std = of("barrier_distribution.log_std"), std = of("interaction_field_distribution.std");
     if (log_std == 0 && std == 0) return;
@@ -61,11 +64,13 @@ class Reference {
   }
 
  private:
-  double of(const std::string& name) const {
+  double of(std::string_view name) const {
     const auto found = p_.find(name);
     return found == p_.end() ? 0 : found->second;
   }
-  bool has(const std::string& name) const { return p_.contains(name); }
+  bool has(std::string_view name) const { return p_.contains(name); }
+  PlainTerm& empirical(std::string_view id) { return empirical_.find(id)->second; }
+  const PlainTerm& empirical(std::string_view id) const { return empirical_.find(id)->second; }
 
   double saturation() const {
     return m_.material.remanent_polarization / (1 + of("polarization_fatigue.coefficient") * switched_);
@@ -110,7 +115,7 @@ class Reference {
   double seen_by_rates() const {
     const double drag = of("domain_wall_drag.coefficient") * saturation();
     if (drag == 0)
-      return field_ + empirical_.at("empirical_rate").beyond(0, 1, 0) +
+      return field_ + empirical("empirical_rate").beyond(0, 1, 0) +
              of("mean_field_interaction.coefficient") * m_.material.remanent_polarization * order();
     double low = field_ - 2 * drag / m_.material.relaxation_time, high = 2 * field_ - low;
     for (int i = 0; i < 50; ++i) {
@@ -120,13 +125,16 @@ class Reference {
     return 0.5 * (low + high);
   }
 
-  double mean(double Domain::*part) const {
-    double sum = 0;
-    for (const auto& d : domains_) sum += d.weight * d.*part;
-    return sum;
+  // Over the domains, wherever they have moved.
+  void take_means() {
+    plus_ = minus_ = 0;
+    for (const auto& d : domains_) {
+      plus_ += d.weight * d.plus;
+      minus_ += d.weight * d.minus;
+    }
   }
-  double order() const { return mean(&Domain::plus) - mean(&Domain::minus); }
-  double ninety() const { return 1 - mean(&Domain::plus) - mean(&Domain::minus); }
+  double order() const { return plus_ - minus_; }
+  double ninety() const { return 1 - plus_ - minus_; }
   double compliance() const {
     return m_.material.compliance_180 + (m_.material.compliance_90 - m_.material.compliance_180) * ninety();
   }
@@ -138,7 +146,7 @@ class Reference {
   }
   double spring(double x) const {
     const double added =
-        has("empirical_spring.amplitude") ? empirical_.at("empirical_spring").beyond_rest_at(x) : 0;
+        has("empirical_spring.amplitude") ? empirical("empirical_spring").beyond_rest_at(x) : 0;
     if (has("contact_gap.gap")) x = std::max(0.0, x - of("contact_gap.gap"));
     return m_.load.spring_stiffness * (x * (1 + of("spring_hardening.coefficient") * x) + added);
   }
@@ -153,7 +161,7 @@ class Reference {
   }
   double delayed_strain() const {
     return std::accumulate(creep_.begin(), creep_.end(),
-                           heat_ + viscous_ + empirical_.at("empirical_strain").beyond_start());
+                           heat_ + viscous_ + empirical("empirical_strain").beyond_start());
   }
   double extension(double field, double stress) const {
     const double push = -(stress + prestress()) * m_.actuator.area;
@@ -179,7 +187,7 @@ class Reference {
     return (c.permittivity_180 + (c.permittivity_90 - c.permittivity_180) * ninety()) * field +
            c.piezoelectric_180 * order() * stress + saturation() * order() +
            c.permittivity_180 * of("nonlinear_permittivity.coefficient") * field * field * field +
-           empirical_.at("empirical_polarization").beyond_start();
+           empirical("empirical_polarization").beyond_start();
   }
   double field_of(double wanted) const {
     double a = field_, b = field_ + 1e3;
@@ -193,6 +201,7 @@ class Reference {
 
   void start(double command) {
     command_ = monitor_ = field_ = command;
+    take_means();
     for (auto& [id, term] : empirical_)
       if (id != "empirical_spring") term.start(field_, order(), ninety());
     stress_ = -m_.load.prestress;
@@ -220,9 +229,9 @@ class Reference {
                              of("amplifier_slew_limit.rate") * dt);
     else
       monitor_ = command_;
-    auto& empirical = empirical_.at("empirical_drive");
-    empirical.step(dt, command_, 1, 0);
-    monitor_ += empirical.beyond(0, 0, 0);
+    auto& term = empirical("empirical_drive");
+    term.step(dt, command_, 1, 0);
+    monitor_ += term.beyond(0, 0, 0);
   }
 
   void move(double dt, double x_before) {
@@ -242,10 +251,10 @@ class Reference {
       field_ = monitor_;
     }
     for (const auto* id : {"empirical_strain", "empirical_polarization", "empirical_rate"})
-      empirical_.at(id).step(dt, field_, order(), ninety());
+      empirical(id).step(dt, field_, order(), ninety());
     stress_ = balance(field_);
     if (!has("stage_inertia.mass")) x_ = extension(field_, stress_);
-    empirical_.at("empirical_spring").step(dt, x_, 1, 0);
+    empirical("empirical_spring").step(dt, x_, 1, 0);
     if (has("guide_friction.force")) {
       const double moved = x_ - x_before;
       dahl_ += ((moved > 0 ? 1 : -1) - dahl_) * std::abs(moved) / of("guide_friction.presliding_distance");
@@ -276,6 +285,7 @@ class Reference {
       domains_[i].plus += dt * slopes[i].first;
       domains_[i].minus += dt * slopes[i].second;
     }
+    take_means();
     t_ += dt;
     command_ = command;
     drive(dt);
@@ -327,12 +337,13 @@ class Reference {
   }
 
   Model m_;
-  std::map<std::string, double> p_;
+  // They are asked for by name in each step, without a string being made.
+  std::map<std::string, double, std::less<>> p_;
   std::vector<Domain> domains_;
-  std::map<std::string, PlainTerm> empirical_;
+  std::map<std::string, PlainTerm, std::less<>> empirical_;
   double t_ = 0, command_ = 0, monitor_ = 0, field_ = 0, stress_ = 0, x_ = 0, velocity_ = 0,
          polarization_ = 0;
-  double order_ = 1, switched_ = 0, leaked_ = 0, heat_ = 0, viscous_ = 0, dahl_ = 0;
+  double plus_ = 1, minus_ = 0, order_ = 1, switched_ = 0, leaked_ = 0, heat_ = 0, viscous_ = 0, dahl_ = 0;
   std::array<double, 5> creep_{};
   double charge_ = 0, charge_seen_ = 0, force_seen_ = 0, crept_ = 0, lagged_ = 0;
   std::vector<double> history_, times_;
