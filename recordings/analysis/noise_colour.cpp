@@ -14,34 +14,37 @@ namespace {
 
 constexpr int window_rows = QuietWindows::length;
 constexpr int lags = 24;
-using Window = Eigen::Matrix<double, window_rows, 1>;
-using Covariances = Eigen::Matrix<double, lags, 1>;
+using Window = Eigen::VectorXd;
+using Covariances = Eigen::VectorXd;
 using Windows = std::vector<std::array<double, QuietWindows::length>>;
 
 Eigen::Map<Window> vector_of(std::array<double, QuietWindows::length>& rows) {
-  return Eigen::Map<Window>(rows.data());
+  return {rows.data(), window_rows};
 }
 Eigen::Map<const Window> vector_of(const std::array<double, QuietWindows::length>& rows) {
-  return Eigen::Map<const Window>(rows.data());
+  return {rows.data(), window_rows};
 }
 
-const Eigen::Matrix<double, window_rows, window_rows>& detrending() {
-  static const auto matrix = [] {
-    Eigen::Matrix<double, window_rows, 5> basis;
-    for (int i = 0; i < window_rows; ++i) {
-      const double u = 2.0 * i / (window_rows - 1) - 1;
-      basis.row(i) << 1, u, u * u, u * u * u, u * u * u * u;
-    }
-    const Eigen::Matrix<double, window_rows, window_rows> projection =
-        basis * (basis.transpose() * basis).inverse() * basis.transpose();
-    return Eigen::Matrix<double, window_rows, window_rows>(
-        Eigen::Matrix<double, window_rows, window_rows>::Identity() - projection);
+// An orthonormal basis of what the columns span.
+Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& columns) {
+  return Eigen::HouseholderQR<Eigen::MatrixXd>(columns).householderQ() *
+         Eigen::MatrixXd::Identity(columns.rows(), columns.cols());
+}
+
+// Takes out of a window its polynomial of the fourth degree.
+const Eigen::MatrixXd& detrending() {
+  static const Eigen::MatrixXd matrix = [] {
+    Eigen::MatrixXd powers(window_rows, 5);
+    for (int i = 0; i < window_rows; ++i)
+      for (int k = 0; k < powers.cols(); ++k) powers(i, k) = std::pow(2.0 * i / (window_rows - 1) - 1, k);
+    const Eigen::MatrixXd basis = orthonormal(powers);
+    return Eigen::MatrixXd(Eigen::MatrixXd::Identity(window_rows, window_rows) - basis * basis.transpose());
   }();
   return matrix;
 }
 
 Covariances covariances_of(const Window& e) {
-  Covariances c;
+  Covariances c(lags);
   for (int k = 0; k < lags; ++k)
     c[k] = e.head(window_rows - k).dot(e.tail(window_rows - k)) / (window_rows - k);
   return c;
@@ -49,12 +52,12 @@ Covariances covariances_of(const Window& e) {
 
 // What detrended windows of a process with correlation exp(-|i-j| / rows) show on average; rows = 0: white.
 Covariances expected(double rows) {
-  Eigen::Matrix<double, window_rows, window_rows> sigma;
+  Eigen::MatrixXd sigma(window_rows, window_rows);
   for (int i = 0; i < window_rows; ++i)
     for (int j = 0; j < window_rows; ++j)
       sigma(i, j) = rows > 0 ? std::exp(-std::abs(i - j) / rows) : (i == j ? 1.0 : 0.0);
-  const Eigen::Matrix<double, window_rows, window_rows> seen = detrending() * sigma * detrending();
-  Covariances c;
+  const Eigen::MatrixXd seen = detrending() * sigma * detrending();
+  Covariances c(lags);
   for (int k = 0; k < lags; ++k) c[k] = seen.diagonal(k).mean();
   return c;
 }
@@ -82,19 +85,18 @@ double level_of(double second_differences) {
 }
 
 // An orthonormal basis of the tones of so many periods in a window, detrended as the window is.
-using Tones = Eigen::Matrix<double, window_rows, 2>;
-Tones tones(double periods) {
-  Tones w;
+Eigen::MatrixXd tones(double periods) {
+  Eigen::MatrixXd w(window_rows, 2);
   for (int i = 0; i < window_rows; ++i) {
     const double phase = 2 * std::numbers::pi * periods * i / window_rows;
     w.row(i) << std::cos(phase), std::sin(phase);
   }
-  return Eigen::HouseholderQR<Tones>(detrending() * w).householderQ() * Tones::Identity();
+  return orthonormal(detrending() * w);
 }
 
 // Of all windows, the squares that a tone takes, its amplitude and phase free in each.
 double squares_of_tone(const Windows& windows, double periods) {
-  const Tones basis = tones(periods);
+  const Eigen::MatrixXd basis = tones(periods);
   double out = 0;
   for (const auto& e : windows) out += (basis.transpose() * vector_of(e)).squaredNorm();
   return out;
@@ -151,11 +153,11 @@ NoiseColour fitted(const Covariances& c, std::size_t windows) {
   NoiseColour best;
   double least = misfit;
   for (std::size_t i = 0; i < correlation_rows.size(); ++i) {
-    Eigen::Matrix<double, lags, 2> basis;
+    Eigen::MatrixXd basis(lags, 2);
     basis << table[0], table.at(i + 1);
-    Eigen::Vector2d parts = (basis.transpose() * basis).ldlt().solve(basis.transpose() * c);
+    Eigen::VectorXd parts = Eigen::HouseholderQR<Eigen::MatrixXd>(basis).solve(c);
     if (parts[1] <= 0) continue;
-    if (parts[0] < 0) parts = {0, c.dot(table.at(i + 1)) / table.at(i + 1).squaredNorm()};
+    if (parts[0] < 0) parts << 0, c.dot(table.at(i + 1)) / table.at(i + 1).squaredNorm();
     const double miss = (c - basis * parts).squaredNorm() / (uncertainty * uncertainty);
     if (miss < least) {
       least = miss;
@@ -187,7 +189,7 @@ QuietWindows::QuietWindows(std::span<const double> time, std::span<const double>
         !std::ranges::all_of(part, [](double v) { return std::isfinite(v); }))
       continue;
     vector_of(windows_.emplace_back()).noalias() =
-        detrending() * (Eigen::Map<const Window>(part.data()) / scatter);
+        detrending() * (Eigen::Map<const Window>(part.data(), window_rows) / scatter);
   }
 }
 
@@ -205,10 +207,10 @@ void QuietWindows::remove_tone() {
   erase_louder(quiet, most_of_quiet(quiet));
   const auto periods = find_tone(quiet);
   if (!periods) return;
-  const Tones basis = tones(*periods);
+  const Eigen::MatrixXd basis = tones(*periods);
   std::vector<double> left;
   for (auto& e : windows_) {
-    const Eigen::Vector2d along = basis.transpose() * vector_of(e);
+    const Eigen::VectorXd along = basis.transpose() * vector_of(e);
     vector_of(e) -= basis * along;
     left.push_back(second_differences(vector_of(e)));
   }
@@ -229,7 +231,7 @@ void keep_quiet(std::span<QuietWindows> channels) {
 
 NoiseColour colour_of(std::span<const QuietWindows> channels) {
   constexpr std::size_t fewest = 8;
-  Covariances sum = Covariances::Zero();
+  Covariances sum = Covariances::Zero(lags);
   std::size_t count = 0;
   for (const auto& c : channels) {
     for (const auto& e : c.windows_) sum += covariances_of(vector_of(e));
