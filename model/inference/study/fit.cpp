@@ -144,7 +144,6 @@ class Study {
     };
   }
 
-  // Empty if differences must do.
   SlopeFunction slopes(const ResidualModel& residuals, const Fidelity& fidelity) {
     return [this, &residuals, &fidelity](std::span<const double> unit, std::span<double> out,
                                          Eigen::MatrixXd& slopes) {
@@ -159,7 +158,6 @@ class Study {
 
   FitCandidate solve(const FitCandidate& from, const Fidelity& fidelity, int iterations,
                      double tolerance = 1e-6) {
-    if (from.at.empty()) return {};
     const auto& residuals = *from.residuals;
     LeastSquaresOptions options;
     options.tolerance = tolerance;
@@ -177,7 +175,7 @@ class Study {
   // Gives the candidate the likeliest pasts under these models, where recordings name none; whether any is
   // another one than it was.
   bool choose(FitCandidate& c, const std::vector<Model>& models, const PastChoice& how) {
-    if (!chooses_ || c.at.empty()) return false;
+    if (!chooses_) return false;
     auto choice = how;
     choice.fidelity = coarse_;
     choice.count = [this] { watch_.count(); };
@@ -285,8 +283,7 @@ class Study {
     Eigen::VectorXd r(static_cast<Eigen::Index>(residuals.size()));
     const std::span<double> rows(r.data(), residuals.size());
     Eigen::MatrixXd j;
-    const auto exact = slopes(residuals, fine_);
-    if (!exact || !exact(at, rows, j)) {
+    if (!slopes(residuals, fine_)(at, rows, j)) {
       const auto f = function(residuals, fine_);
       if (!f(at, rows)) return;
       j = jacobian(r, at, f, LeastSquaresOptions{}.difference);
