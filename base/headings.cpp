@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace ferrobench {
 namespace {
@@ -99,8 +100,34 @@ bool goes_on_with_a_name(std::string_view word) {
 
 Heading split_at(std::string_view text, std::size_t name, std::size_t unit) {
   auto before = trimmed(text.substr(0, name));
-  if (before.ends_with('/')) before = trimmed(before.substr(0, before.size() - 1));
+  for (const std::string_view link : {"/", " in"})
+    if (before.ends_with(link)) before = trimmed(before.substr(0, before.size() - link.size()));
   return {std::string(before), std::string(trimmed(text.substr(unit)))};
+}
+
+// What stands between factors, and the superscripts and the sign of a negative power.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 6> of_products{
+    {{"*", " "},
+     {"\xc2\xb7", " "},
+     {"\xe2\x8b\x85", " "},
+     {"\xe2\x88\x92", "-"},
+     {"\xe2\x81\xbb\xc2\xb9", "-1"},
+     {"\xe2\x81\xbb\xc2\xb2", "-2"}}};
+
+// "kV mm^-1", "kV mm^{-1}" and "kV mm-1", as journals have it, are "kV/mm".
+std::string with_a_slash(std::string text) {
+  for (const auto& [from, to] : of_products) replace_all(text, from, to);
+  if (text.ends_with('}') && text.find("^{") != std::string::npos) {
+    text.pop_back();
+    replace_all(text, "^{", "^");
+  }
+  const auto blank = text.rfind(' '), minus = text.rfind('-');
+  if (blank == std::string::npos || minus == std::string::npos || minus < blank) return text;
+  auto below = text.substr(blank + 1, minus - blank - 1);
+  if (below.ends_with('^')) below.pop_back();
+  const auto power = text.substr(minus + 1);
+  if (power != "1" && power != "2") return text;
+  return std::string(trimmed(text.substr(0, blank))) + "/" + below + (power == "2" ? "^2" : "");
 }
 
 // "field_kV_per_mm"
@@ -117,7 +144,7 @@ Heading underscored(std::string_view text) {
 }  // namespace
 
 const KnownUnit* find_unit(std::string_view text, std::span<const Quantity> quantities) {
-  std::string plain(trimmed(text));
+  auto plain = with_a_slash(std::string(trimmed(text)));
   for (const std::string_view micro : {"\xc2\xb5", "\xce\xbc", "\xb5"}) replace_all(plain, micro, "u");
   replace_all(plain, "_per_", "/");
   // As UTF-8 has it, and as code page 1252 does.

@@ -2,6 +2,7 @@
 // these is handed on as it is written, for whoever reads the table to refuse.
 //
 //     field_kV_per_mm   E [kV/mm]   E (kV/mm)   U/V   t / ms   E/(kV/mm)   voltage V   field_kV/mm   kV
+//     E [kV mm^-1]   time in s
 #pragma once
 
 #include <array>
@@ -39,8 +40,8 @@ struct KnownUnit {
   double si;  // SI units in one of it
 };
 
-// nullptr if there is none of these quantities; case counts. "kV_per_mm" is "kV/mm", and "um" may be written
-// with a Greek letter.
+// nullptr if there is none of these quantities; case counts. "kV_per_mm" and "kV mm^-1" are "kV/mm", and "um"
+// may be written with a Greek letter.
 const KnownUnit* find_unit(std::string_view text, std::span<const Quantity> quantities = every_quantity);
 std::vector<std::string> units_of(std::span<const Quantity> quantities);
 

@@ -36,9 +36,18 @@ std::string lowered(std::string text) {
   return text;
 }
 
-// Other names of a channel, in headings.
-std::string_view also_called(std::string_view what) {
-  return what == "field" ? "voltage" : what == "polarization" ? "polarisation" : "";
+// What headings call a column, in small letters. A symbol counts only with a unit that fits.
+struct Called {
+  std::vector<std::string_view> names, symbols;
+};
+Called called(std::string_view what) {
+  if (what == "time") return {{"time"}, {"t"}};
+  if (what == "field") return {{"field", "electric field", "voltage"}, {"e", "u", "v"}};
+  if (what == "polarization") return {{"polarization", "polarisation"}, {"p"}};
+  if (what == "current") return {{"current"}, {"i"}};
+  if (what == "charge") return {{"charge"}, {"q"}};
+  if (what == "force") return {{"force"}, {"f"}};
+  return {{what}, {}};
 }
 
 bool is_testers(const TableInFile& file) {
@@ -100,7 +109,12 @@ class Import {
     const bool measured = out_.current || out_.polarization ||
                           std::ranges::any_of(out_.channels, [](const auto& c) { return c.has_value(); });
     if (!measured && problems_.size() == unknown)
-      problems_.push_back({.path = "/csv", .message = "has no column of a channel", .allowed = names_});
+      problems_.push_back({.path = "/csv",
+                           .message = "has no column of a channel",
+                           .given = names_,
+                           .hint = "headings may be field, voltage, charge, polarization, current, "
+                                   "displacement and force with their units, as displacement [um]; a map "
+                                   "names any other column"});
     if (unknown == 0) read_rows();
     if (unknown > 0 && problems_.size() == unknown)
       throw Error(ErrorCode::invalid_params, "the specimen must be known", std::move(problems_));
@@ -137,20 +151,27 @@ class Import {
   std::optional<ColumnMap> map_of(std::string_view what, std::optional<ColumnMap> given,
                                   std::span<const Quantity> quantities) const {
     if (given && given->names_a_column()) return given;
-    for (const auto called : {what, also_called(what)})
+    const auto [names, symbols] = called(what);
+    const auto take = [&](std::string_view name, bool is_symbol) {
       for (std::size_t i = 0; i < names_.size(); ++i) {
-        if (called.empty() || !is_headed(i, called, quantities)) continue;
+        if (!is_headed(i, name, is_symbol, quantities)) continue;
         if (!given) given.emplace();
         given->column = names_[i];
-        return given;
+        return true;
       }
+      return false;
+    };
+    if (std::ranges::none_of(names, [&](auto name) { return take(name, false); }))
+      static_cast<void>(std::ranges::any_of(symbols, [&](auto symbol) { return take(symbol, true); }));
     return given;
   }
 
   // A column of the map's is that alone; beside a map, one whose unit is not understood may be left unread.
-  bool is_headed(std::size_t at, std::string_view called, std::span<const Quantity> quantities) const {
+  bool is_headed(std::size_t at, std::string_view name, bool is_symbol,
+                 std::span<const Quantity> quantities) const {
     const auto heading = read_heading(names_[at], quantities);
-    if (lowered(heading.name) != called) return false;
+    if (lowered(heading.name) != name) return false;
+    if (is_symbol && find_unit(heading.unit, quantities) == nullptr) return false;
     const auto maps = all_maps();
     const bool others = std::ranges::any_of(maps, [&](const auto* map) {
       return *map && ((*map)->column == names_[at] || (*map)->number == static_cast<std::int64_t>(at + 1));

@@ -53,6 +53,10 @@ TEST(Headings, AreANameAndAUnit) {
            {"field_Oe", "field", "Oe"},
            {"field_statV_per_cm", "field", "statV_per_cm"},
            {"x (furlong)", "x", "furlong"},
+           {"E / kV mm^-1", "E", "kV mm^-1"},
+           {"time in s", "time", "s"},
+           {"field in kV/mm", "field", "kV/mm"},
+           {"Field in [kV/mm]", "Field", "kV/mm"},
            {"time", "time", ""},
            {"elapsed_time", "elapsed_time", ""},
            {"channel_1", "channel_1", ""},
@@ -65,20 +69,28 @@ TEST(Headings, AreANameAndAUnit) {
 }
 
 TEST(Headings, HaveUnitsThatAreKnown) {
-  for (const auto& [text, si] : std::vector<std::pair<std::string, double>>{{"V", 1},
-                                                                            {"kV", 1e3},
-                                                                            {"V/m", 1},
-                                                                            {"kV/mm", 1e6},
-                                                                            {"MV/m", 1e6},
-                                                                            {"kV_per_mm", 1e6},
-                                                                            {"ms", 1e-3},
-                                                                            {"min", 60},
-                                                                            {"\xc2\xb5m", 1e-6},
-                                                                            {"\xce\xbc"
-                                                                             "C",
-                                                                             1e-6},
-                                                                            {"nm", 1e-9},
-                                                                            {"mN", 1e-3}}) {
+  for (const auto& [text, si] :
+       std::vector<std::pair<std::string, double>>{{"V", 1},
+                                                   {"kV", 1e3},
+                                                   {"V/m", 1},
+                                                   {"kV/mm", 1e6},
+                                                   {"MV/m", 1e6},
+                                                   {"kV_per_mm", 1e6},
+                                                   {"ms", 1e-3},
+                                                   {"min", 60},
+                                                   {"\xc2\xb5m", 1e-6},
+                                                   {"\xce\xbc"
+                                                    "C",
+                                                    1e-6},
+                                                   {"nm", 1e-9},
+                                                   {"mN", 1e-3},
+                                                   {"kV mm^-1", 1e6},
+                                                   {"V m-1", 1},
+                                                   {"kV mm^{-1}", 1e6},
+                                                   {"kV\xc2\xb7mm\xe2\x81\xbb\xc2\xb9", 1e6},
+                                                   {"MV*m^\xe2\x88\x92"
+                                                    "1",
+                                                    1e6}}) {
     ASSERT_NE(find_unit(text), nullptr) << text;
     EXPECT_EQ(find_unit(text)->si, si) << text;
   }
@@ -87,11 +99,14 @@ TEST(Headings, HaveUnitsThatAreKnown) {
                                  "\xc2\xb5"
                                  "C/cm\xc2\xb2",
                                  "\xb5"
-                                 "C/cm\xb2"})
+                                 "C/cm\xb2",
+                                 "uC cm^-2", "uC cm-2",
+                                 "\xc2\xb5"
+                                 "C cm\xe2\x81\xbb\xc2\xb2"})
     EXPECT_NE(find_unit(text, of_polarization), nullptr) << text;
   constexpr std::array of_current{Quantity::current};
   EXPECT_EQ(read_heading("current uA", of_current).unit, "uA");
-  for (const std::string text : {"kv", "S", "Oe", "", "kV/mm/s", "V/"})
+  for (const std::string text : {"kv", "S", "Oe", "", "kV/mm/s", "V/", "kV mm^-3", "kV^-1 mm", "-1", "V -1"})
     EXPECT_EQ(find_unit(text), nullptr) << text;
 }
 

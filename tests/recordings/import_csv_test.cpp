@@ -222,6 +222,22 @@ TEST(ImportCsv, ReadsUnitsWithoutBracketsAndEitherSpelling) {
         << heading;
 }
 
+TEST(ImportCsv, ReadsSymbolsThatSayTheirUnit) {
+  const auto r =
+      import_csv(of("t / s,E / kV mm^-1,P [uC cm^-2],displacement in um,F (N)\n0,0,0,0,1\n1,1.5,2,3,4\n"));
+  EXPECT_DOUBLE_EQ(r.at(Channel::field)[1], 1.5e6);
+  EXPECT_DOUBLE_EQ(r.at(Channel::charge)[1], 2e-2 * 2.5e-5);
+  EXPECT_DOUBLE_EQ(r.at(Channel::displacement)[1], 3e-6);
+  EXPECT_DOUBLE_EQ(r.at(Channel::force)[1], 4);
+  EXPECT_DOUBLE_EQ(import_csv(of("t [ms],U [V]\n0,0\n1,150\n")).at(Channel::field)[1], 1.5e6);
+  EXPECT_DOUBLE_EQ(import_csv(of("t [s],E [V/m],voltage [V]\n0,7,0\n1,7,150\n")).at(Channel::field)[1], 1.5e6)
+      << "a name goes before a symbol";
+  // Without a unit, or with another quantity's, a letter is a name like any other.
+  EXPECT_EQ(problems_of(of("time [s],E\n0,0\n1,1\n"))[0].message, "has no column of a channel");
+  EXPECT_EQ(problems_of(of("time [s],F [um]\n0,0\n1,1\n"))[0].message, "has no column of a channel");
+  EXPECT_THAT(problems_of(of("time [s],E\n0,0\n1,1\n"))[0].hint, HasSubstr("displacement [um]"));
+}
+
 TEST(ImportCsv, TellsAndKeepsColumnsThatAreNoChannel) {
   const auto r =
       import_csv(of("time [s],field [V],displacement 1 [um],displacement 2 [um],strain "
