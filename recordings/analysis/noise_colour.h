@@ -10,6 +10,9 @@
 // and noise is what is left. Their mean autocovariance over 24 lags is set beside what white and what
 // correlated noise would show after the same detrending; correlation is believed where it explains two fifths
 // of a misfit that white noise alone would not have. A tone (mains hum) is no noise and is taken out before.
+// Where samples are few, a signal bends too much within 96 of them for any window to be quiet. It has the
+// autocovariance of slow noise, but a polynomial of the eighth degree takes most of what the quartic leaves
+// of it, and little of noise: then the noise counts as white.
 #pragma once
 
 #include <array>
@@ -22,6 +25,7 @@ namespace ferrobench::recordings {
 
 struct NoiseColour {
   double slow_share = 0, rows = 0;  // rows = 0 where nothing but white noise is seen
+  bool is_signal = false;           // what was seen beside white noise bends as a signal does
   double covariance(double rows_apart) const;
   // Second differences of such noise have this much times its variance; 6 if it is white.
   double second_differences() const;
@@ -32,8 +36,8 @@ class QuietWindows {
   static constexpr std::size_t length = 96;
 
   QuietWindows() = default;
-  // Of a channel's samples, `scatter` times white noise at least: windows without gaps, at most `most` of
-  // them, evenly spread.
+  // Of a channel's samples, `scatter` times white noise at least: windows without gaps, their samples at
+  // about equal distances, at most `most` of them, spread over the recording.
   QuietWindows(std::span<const double> time, std::span<const double> value, double scatter,
                std::size_t most = std::numeric_limits<std::size_t>::max());
 

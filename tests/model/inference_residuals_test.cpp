@@ -1,9 +1,12 @@
 // Whitened residuals of recordings: their exact slopes against differences of the residuals themselves.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <numbers>
 #include <random>
 
 #include "model/inference/residuals/whitened_recordings.h"
+#include "model/inference/study/validation.h"
 #include "model/simulator.h"
 
 namespace ferrobench::model::inference {
@@ -64,7 +67,6 @@ struct Residuals {
   WhitenedRecordings of;
 };
 
-// Two programs of which one is everywhere 2.5e-5 of the range above the other.
 // Every thirtieth sample of a noise with a memory of six looks white; its level is that of all samples.
 TEST(EstimateNoise, OfThinnedRowsIsThatOfTheSamples) {
   constexpr double interval = 1.4e-4, rows = 6, share = 0.8, level = 5e-8;
@@ -100,6 +102,50 @@ TEST(EstimateNoise, OfThinnedRowsIsThatOfTheSamples) {
   EXPECT_NEAR(noise[0][0].correlation_time / (rows * interval), 1, 0.5);
 }
 
+// Loops of 80 rows a leg: no 96 rows of them are quiet, and what a quartic leaves is signal.
+TEST(EstimateNoise, OfLoopsThatWereSampledSeldomIsWhite) {
+  constexpr double level = 1e-7;
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  recordings::Recording r;
+  std::vector<double> command;
+  for (int i = 0; i < 4800; ++i) {
+    r.time.push_back(5e-3 * i);
+    command.push_back(2e6 * std::sin(2 * std::numbers::pi * i / 160));
+  }
+  const auto m = sprung();
+  auto t = simulate(m, r.time, command, {.tolerance = 1e-4, .domains = 1000});
+  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                       m.actuator.layer_count};
+  r.header.load = {m.load.spring_stiffness, m.load.prestress};
+  r.set(Channel::command) = command;
+  for (double& v : t.displacement) v += level * normal(random);
+  r.set(Channel::displacement) = std::move(t.displacement);
+  std::vector<std::string> warnings;
+  const auto bench = prepare_bench(m, {{"loops", std::move(r)}}, 6000, warnings);
+  const auto noise = estimate_noise(bench, warnings);
+  EXPECT_EQ(noise[0][0].slow, 0);
+  EXPECT_NEAR(noise[0][0].std() / level, 1, 0.25);
+  EXPECT_THAT(warnings, testing::Contains(testing::HasSubstr("signal of the displacement")));
+}
+
+// Where an answer adds nothing, its pictures are of what is missed most, not of what comes first.
+TEST(Traces, AreOfWhatIsMissedMostWhereNothingIsGained) {
+  const Residuals r(true);
+  const auto& channels = r.bench[0].channels;
+  Prediction same;
+  same.simulated.resize(1);
+  same.standardized.resize(1);
+  for (std::size_t c = 0; c < channels.size(); ++c) {
+    same.simulated[0].push_back(channels[c].value);
+    same.standardized[0].emplace_back(r.bench[0].time.size(), 0.1 * static_cast<double>(1 + c));
+  }
+  const auto shown = traces(r.of, same, same, 1, false);
+  ASSERT_EQ(shown.size(), 1u);
+  EXPECT_EQ(shown[0].channel, channels.back().channel);
+}
+
+// Two programs of which one is everywhere 2.5e-5 of the range above the other.
 TEST(SquaresBetweenPrograms, AreThoseOfAShareOfTheRange) {
   const Residuals r(true);
   double squares = 0;

@@ -111,5 +111,37 @@ TEST(NoiseColour, IsFoundBesideATone) {
   }
 }
 
+// Of noise with a long memory a polynomial takes much, too, but not so much as of a signal.
+TEST(NoiseColour, OfALongMemoryIsNoSignal) {
+  for (unsigned seed = 1; seed <= 100; ++seed) {
+    const auto found = found_in(channel({.slow_share = 1, .rows = 25}, 3000, seed));
+    EXPECT_FALSE(found.colour.is_signal) << seed;
+    EXPECT_GT(found.colour.slow_share, 0.8) << seed;
+  }
+}
+
+// A loop that switches every 80 rows: 96 of them hold a step wherever they lie.
+TEST(NoiseColour, OfASignalThatBendsIsNone) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    auto c = channel({}, 4000, seed);
+    for (std::size_t i = 0; i < c.value.size(); ++i)
+      c.value[i] += 10 * std::tanh(5 * std::sin(2 * std::numbers::pi * static_cast<double>(i) / 160));
+    const auto found = found_in(c);
+    EXPECT_TRUE(found.colour.is_signal) << seed;
+    EXPECT_EQ(found.colour.rows, 0) << seed;
+    EXPECT_NEAR(found.level, 1, 0.1) << seed;
+  }
+}
+
+// A hold whose samples follow each other ever more slowly says nothing of a memory in rows.
+TEST(NoiseColour, IsThatOfEvenlySpacedSamples) {
+  auto c = channel({}, 4000, 1);
+  const double scatter = estimate_noise(c.value);
+  EXPECT_EQ(QuietWindows(c.time, c.value, scatter).size(), 41u);
+  for (std::size_t i = 0; i < c.time.size(); ++i)
+    c.time[i] = std::floor(static_cast<double>(i) / 48) + std::pow(static_cast<double>(i % 48) / 48, 2.5);
+  EXPECT_EQ(QuietWindows(c.time, c.value, scatter).size(), 0u);
+}
+
 }  // namespace
 }  // namespace ferrobench::recordings

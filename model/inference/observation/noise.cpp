@@ -32,6 +32,10 @@ std::vector<std::vector<NoiseModel>> estimate_noise(const std::vector<BenchRecor
       if (const auto* m = bench[r].find(channel); m != nullptr && m->scatter > 0) quiet[r] = m->quiet;
     recordings::keep_quiet(quiet);
     const auto pooled = recordings::colour_of(quiet);
+    if (pooled.is_signal)
+      warnings.push_back("The samples are too few to tell a memory of the noise from the signal of the " +
+                         std::string(recordings::channel_name(channel)) +
+                         ": its noise is taken to have none.");
     for (std::size_t r = 0; r < bench.size(); ++r) {
       for (std::size_t c = 0; c < bench[r].channels.size(); ++c) {
         const auto& m = bench[r].channels[c];
