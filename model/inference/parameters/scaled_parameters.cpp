@@ -32,8 +32,12 @@ double ScaledParameter::slope(double z) const {
   return logarithmic ? scale * value(z) : scale;
 }
 
-bool ScaledParameter::of_model() const {
+bool is_of_model(std::string_view path) {
   return !path.starts_with("gain.") && !path.starts_with("factor.") && !path.starts_with("offset.");
+}
+
+bool ScaledParameter::of_model() const {
+  return is_of_model(path);
 }
 
 Eigen::VectorXd prior_mean(const Hypothesis& h) {

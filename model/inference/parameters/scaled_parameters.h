@@ -13,12 +13,16 @@
 #include <Eigen/Dense>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "model/effects/catalogue.h"
 #include "model/inference/dataset/bench.h"
 
 namespace ferrobench::model::inference {
+
+// Or of an instrument ("gain.charge", "offset.field") or the load ("factor.prestress").
+bool is_of_model(std::string_view path);
 
 struct ScaledParameter {
   std::string path;  // as in parameters.h, or "gain.charge", "factor.prestress"

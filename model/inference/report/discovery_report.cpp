@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "model/inference/report/discovery_pictures.h"
+#include "model/inference/report/moved_parameters.h"
 #include "recordings/format/version.h"
 #include "recordings/reports/html_page.h"
 #include "recordings/reports/table.h"
@@ -102,36 +103,6 @@ std::string gap_sentence(const std::string& on, const Gap& g) {
   return out + ".";
 }
 
-std::vector<std::string> moved(const Discovery& d) {
-  std::vector<std::string> out;
-  for (const auto& [path, r] : d.recalibrated) {
-    if (std::abs(r.to - r.from) < 2 * r.std) continue;
-    if (r.from == 0) {
-      out.push_back(fmt::format("{} {:.4g} ± {:.2g}", path, r.to, r.std));
-      continue;
-    }
-    const double share = r.to / r.from - 1;
-    if (std::abs(share) < 0.005) continue;
-    out.push_back(
-        fmt::format("{} {:+.1f} % ({:.4g} to {:.4g}, ± {:.2g})", path, 100 * share, r.from, r.to, r.std));
-  }
-  return out;
-}
-
-// Moves that what is known of the parameter or the instrument speaks against: a finding in themselves.
-constexpr double astonishing = 3;  // standard deviations of the prior
-
-std::vector<std::string> astonishing_moves(const Discovery& d) {
-  std::vector<std::string> out;
-  for (const auto& [path, r] : d.recalibrated)
-    if (std::abs(r.over_prior) > astonishing)
-      out.push_back(fmt::format(
-          "{} went from {:.4g} to {:.4g}, {:.1f} standard deviations of what was known of it: check the "
-          "instrument, or what the model states.",
-          path, r.from, r.to, std::abs(r.over_prior)));
-  return out;
-}
-
 std::string list(const std::vector<std::string>& items) {
   std::string out;
   for (const auto& i : items) out += (out.empty() ? "" : ", ") + i;
@@ -222,8 +193,9 @@ std::vector<Section> sections(const Discovery& d) {
     const auto& l = *d.explanations.front().leave_one_out;
     proof.lines.push_back(fmt::format(
         "Each of the others predicted from the rest: with {} {} of {} come out better than without, "
-        "and the sum of squared residuals falls by {:.3g}.",
-        names_of(d.explanations.front()), l.better, l.recordings, l.gain));
+        "and the sum of squared residuals {} by {:.3g}.",
+        names_of(d.explanations.front()), l.better, l.recordings, l.gain < 0 ? "rises" : "falls",
+        std::abs(l.gain)));
   }
   out.push_back(proof);
   Section rivals{"Alternatives", {}};
@@ -249,7 +221,7 @@ std::vector<Section> sections(const Discovery& d) {
   if (!rivals.lines.empty()) out.push_back(rivals);
   if (auto lines = astonishing_moves(d); !lines.empty())
     out.push_back({"What moved beyond what was known of it", std::move(lines)});
-  Section changed{"What changed only as a parameter", moved(d)};
+  Section changed{"What changed only as a parameter", moved_parameters(d)};
   if (changed.lines.empty()) changed.lines.emplace_back("No parameter moved by more than its uncertainty.");
   out.push_back(changed);
   Section limits{"What these recordings could not show", {}};

@@ -229,18 +229,23 @@ std::vector<Trace> traces(const WhitenedRecordings& residuals, const Prediction&
                           const Prediction& after, std::size_t count, bool held_out) {
   struct Place {
     std::size_t position = 0, channel = 0;
-    double gained = 0;
+    double gained = 0, left = 0;
   };
   std::vector<Place> places;
   for (std::size_t i = 0; i < before.standardized.size(); ++i)
     for (std::size_t c = 0; c < before.standardized[i].size(); ++c) {
       const auto &a = before.standardized[i][c], &b = after.standardized[i][c];
-      double gained = 0;
+      Place place{.position = i, .channel = c};
       for (std::size_t row = 0; row < a.size(); ++row)
-        if (!std::isnan(a[row])) gained += a[row] * a[row] - b[row] * b[row];
-      places.push_back({i, c, gained});
+        if (!std::isnan(a[row])) {
+          place.gained += a[row] * a[row] - b[row] * b[row];
+          place.left += b[row] * b[row];
+        }
+      places.push_back(place);
     }
-  std::ranges::stable_sort(places, std::greater<>(), &Place::gained);
+  // Where nothing was added nothing is gained anywhere.
+  std::ranges::stable_sort(places, std::greater<>(),
+                           [](const Place& p) { return std::pair(p.gained, p.left); });
   std::vector<Trace> out;
   for (const auto& p : places) {
     if (out.size() == count) break;
