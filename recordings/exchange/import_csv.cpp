@@ -36,18 +36,16 @@ std::string lowered(std::string text) {
   return text;
 }
 
-// What headings call a column, in small letters. A symbol counts only with a unit that fits.
-struct Called {
-  std::vector<std::string_view> names, symbols;
-};
-Called called(std::string_view what) {
-  if (what == "time") return {{"time"}, {"t"}};
-  if (what == "field") return {{"field", "electric field", "voltage"}, {"e", "u", "v"}};
-  if (what == "polarization") return {{"polarization", "polarisation"}, {"p"}};
-  if (what == "current") return {{"current"}, {"i"}};
-  if (what == "charge") return {{"charge"}, {"q"}};
-  if (what == "force") return {{"force"}, {"f"}};
-  return {{what}, {}};
+// What headings call a column, in small letters, the first that is there. A symbol, which has one letter,
+// counts only with a unit that fits.
+std::vector<std::string_view> names_of(std::string_view what) {
+  if (what == "time") return {"time", "t"};
+  if (what == "field") return {"field", "electric field", "voltage", "e", "u", "v"};
+  if (what == "polarization") return {"polarization", "polarisation", "p"};
+  if (what == "current") return {"current", "i"};
+  if (what == "charge") return {"charge", "q"};
+  if (what == "force") return {"force", "f"};
+  return {what};
 }
 
 bool is_testers(const TableInFile& file) {
@@ -151,27 +149,21 @@ class Import {
   std::optional<ColumnMap> map_of(std::string_view what, std::optional<ColumnMap> given,
                                   std::span<const Quantity> quantities) const {
     if (given && given->names_a_column()) return given;
-    const auto [names, symbols] = called(what);
-    const auto take = [&](std::string_view name, bool is_symbol) {
+    for (const auto name : names_of(what))
       for (std::size_t i = 0; i < names_.size(); ++i) {
-        if (!is_headed(i, name, is_symbol, quantities)) continue;
+        if (!is_headed(i, name, quantities)) continue;
         if (!given) given.emplace();
         given->column = names_[i];
-        return true;
+        return given;
       }
-      return false;
-    };
-    if (std::ranges::none_of(names, [&](auto name) { return take(name, false); }))
-      static_cast<void>(std::ranges::any_of(symbols, [&](auto symbol) { return take(symbol, true); }));
     return given;
   }
 
   // A column of the map's is that alone; beside a map, one whose unit is not understood may be left unread.
-  bool is_headed(std::size_t at, std::string_view name, bool is_symbol,
-                 std::span<const Quantity> quantities) const {
+  bool is_headed(std::size_t at, std::string_view name, std::span<const Quantity> quantities) const {
     const auto heading = read_heading(names_[at], quantities);
     if (lowered(heading.name) != name) return false;
-    if (is_symbol && find_unit(heading.unit, quantities) == nullptr) return false;
+    if (name.size() == 1 && find_unit(heading.unit, quantities) == nullptr) return false;
     const auto maps = all_maps();
     const bool others = std::ranges::any_of(maps, [&](const auto* map) {
       return *map && ((*map)->column == names_[at] || (*map)->number == static_cast<std::int64_t>(at + 1));
