@@ -18,7 +18,7 @@ constexpr int lags = 24;
 // The longest step of time in a window over its shortest. Clocks that count whole steps make two of one.
 constexpr double most_uneven = 3;
 // What a polynomial of the eighth degree leaves, over what it would leave of noise. Of simulated benches with
-// noise of four to nine rows it was 0.98 to 1.00; of signals that a quartic does not follow 0.10 to 0.62, and
+// noise of four to nine rows it was 0.98 to 1.00; of signals that a quartic does not follow 0.11 to 0.61, and
 // of the displacement of a ceramic, whose noise is slow, 0.78.
 constexpr double least_left = 0.7;
 using Window = Eigen::VectorXd;
@@ -38,7 +38,7 @@ Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& columns) {
          Eigen::MatrixXd::Identity(columns.rows(), columns.cols());
 }
 
-// Takes out of a window its polynomial of so many powers.
+// The matrix that takes out of a window its polynomial of so many powers.
 Eigen::MatrixXd without_polynomial(int powers) {
   Eigen::MatrixXd columns(window_rows, powers);
   for (int i = 0; i < window_rows; ++i)
@@ -184,6 +184,15 @@ NoiseColour fitted(const Covariances& c, std::size_t windows) {
   return least < 0.6 * misfit && best.slow_share > 0.2 ? best : NoiseColour{};
 }
 
+bool evenly_spaced(std::span<const double> time) {
+  double shortest = std::numeric_limits<double>::infinity(), longest = 0;
+  for (std::size_t i = 1; i < time.size(); ++i) {
+    shortest = std::min(shortest, time[i] - time[i - 1]);
+    longest = std::max(longest, time[i] - time[i - 1]);
+  }
+  return longest <= most_uneven * shortest;
+}
+
 // The share of noise of that colour that is left by a polynomial of the eighth degree, after one of the
 // fourth.
 double left_of_noise(const NoiseColour& colour) {
@@ -206,14 +215,6 @@ QuietWindows::QuietWindows(std::span<const double> time, std::span<const double>
                            std::size_t most) {
   if (time.size() < length || !(scatter > 0)) return;
   const double usual = (time.back() - time.front()) / static_cast<double>(time.size() - 1);
-  const auto evenly_spaced = [](std::span<const double> t) {
-    double shortest = std::numeric_limits<double>::infinity(), longest = 0;
-    for (std::size_t i = 1; i < t.size(); ++i) {
-      shortest = std::min(shortest, t[i] - t[i - 1]);
-      longest = std::max(longest, t[i] - t[i - 1]);
-    }
-    return longest <= most_uneven * shortest;
-  };
   const std::size_t whole = time.size() / length, stride = 1 + (whole - 1) / most;
   for (std::size_t k = 0; k < whole; k += stride) {
     const auto from = k * length;
@@ -266,21 +267,21 @@ void keep_quiet(std::span<QuietWindows> channels) {
 NoiseColour colour_of(std::span<const QuietWindows> channels) {
   constexpr std::size_t fewest = 8;
   Covariances sum = Covariances::Zero(lags);
-  double squares = 0, left = 0;
   std::size_t count = 0;
   for (const auto& c : channels) {
-    for (const auto& rows : c.windows_) {
-      const auto e = vector_of(rows);
-      sum += covariances_of(e);
-      squares += e.squaredNorm();
-      left += (detrending_farther() * e).squaredNorm();
-    }
+    for (const auto& e : c.windows_) sum += covariances_of(vector_of(e));
     count += c.size();
   }
   if (count < fewest) return {};
-  auto out = fitted(sum / static_cast<double>(count), count);
-  if (out.rows > 0 && left < least_left * left_of_noise(out) * squares) out = {.is_signal = true};
-  return out;
+  const auto out = fitted(sum / static_cast<double>(count), count);
+  if (out.rows == 0) return out;
+  double squares = 0, left = 0;
+  for (const auto& c : channels)
+    for (const auto& e : c.windows_) {
+      squares += vector_of(e).squaredNorm();
+      left += (detrending_farther() * vector_of(e)).squaredNorm();
+    }
+  return left < least_left * left_of_noise(out) * squares ? NoiseColour{.is_signal = true} : out;
 }
 
 }  // namespace ferrobench::recordings
