@@ -1,7 +1,9 @@
-// Whitened residuals of recordings: their exact slopes against differences of the residuals themselves.
+// Whitened residuals of recordings: the noise that they are counted in, their exact slopes against
+// differences of the residuals themselves, and which of them are drawn.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <numbers>
 #include <random>
 
@@ -67,34 +69,43 @@ struct Residuals {
   WhitenedRecordings of;
 };
 
+// The displacement under a command, with this noise, poled before.
+recordings::Recording displaced(std::vector<double> time, std::vector<double> command,
+                                const std::function<double()>& noise) {
+  const auto m = sprung();
+  recordings::Recording r;
+  r.header.past = {protocols::PastKind::poled_plus};
+  auto t = simulate(m, time, command, {.tolerance = 1e-4, .domains = 250, .past = &r.header.past});
+  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
+                       m.actuator.layer_count};
+  r.header.load = {m.load.spring_stiffness, m.load.prestress};
+  r.time = std::move(time);
+  r.set(Channel::command) = std::move(command);
+  for (double& v : t.displacement) v += noise();
+  r.set(Channel::displacement) = std::move(t.displacement);
+  return r;
+}
+
 // Every thirtieth sample of a noise with a memory of six looks white; its level is that of all samples.
 TEST(EstimateNoise, OfThinnedRowsIsThatOfTheSamples) {
   constexpr double interval = 1.4e-4, rows = 6, share = 0.8, level = 5e-8;
   constexpr int samples = 57000;
+  std::vector<double> time, command;
+  for (int i = 0; i < samples; ++i) {
+    time.push_back(interval * i);
+    command.push_back(command_at(time.back()));
+  }
   std::mt19937_64 random(11);
   std::normal_distribution<double> normal;
-  recordings::Recording r;
-  std::vector<double> command;
-  for (int i = 0; i < samples; ++i) {
-    r.time.push_back(interval * i);
-    command.push_back(command_at(r.time.back()));
-  }
-  const auto m = sprung();
-  r.header.past = {protocols::PastKind::poled_plus};
-  auto t = simulate(m, r.time, command, {.tolerance = 1e-4, .domains = 250, .past = &r.header.past});
-  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
-                       m.actuator.layer_count};
-  r.header.load = {m.load.spring_stiffness, m.load.prestress};
-  r.set(Channel::command) = command;
   const double kept = std::exp(-1 / rows);
   double slow = normal(random);
-  for (double& v : t.displacement) {
+  const auto noise_of_sample = [&] {
     slow = kept * slow + std::sqrt(1 - kept * kept) * normal(random);
-    v += level * (std::sqrt(share) * slow + std::sqrt(1 - share) * normal(random));
-  }
-  r.set(Channel::displacement) = std::move(t.displacement);
+    return level * (std::sqrt(share) * slow + std::sqrt(1 - share) * normal(random));
+  };
   std::vector<std::string> warnings;
-  const auto bench = prepare_bench(m, {{"loop", std::move(r)}}, 1900, warnings);
+  const auto bench = prepare_bench(
+      sprung(), {{"loop", displaced(std::move(time), std::move(command), noise_of_sample)}}, 1900, warnings);
   ASSERT_LT(bench[0].time.size(), samples / 20);
   const auto noise = estimate_noise(bench, warnings);
   // As of recordings that are not thinned (NoiseColour).
@@ -105,24 +116,18 @@ TEST(EstimateNoise, OfThinnedRowsIsThatOfTheSamples) {
 // Loops of 80 rows a leg: no 96 rows of them are quiet, and what a quartic leaves is signal.
 TEST(EstimateNoise, OfLoopsThatWereSampledSeldomIsWhite) {
   constexpr double level = 1e-7;
-  std::mt19937_64 random(5);
-  std::normal_distribution<double> normal;
-  recordings::Recording r;
-  std::vector<double> command;
+  std::vector<double> time, command;
   for (int i = 0; i < 4800; ++i) {
-    r.time.push_back(5e-3 * i);
+    time.push_back(5e-3 * i);
     command.push_back(2e6 * std::sin(2 * std::numbers::pi * i / 160));
   }
-  const auto m = sprung();
-  auto t = simulate(m, r.time, command, {.tolerance = 1e-4, .domains = 1000});
-  r.header.specimen = {m.name, m.actuator.length, m.actuator.area, m.actuator.layer_thickness,
-                       m.actuator.layer_count};
-  r.header.load = {m.load.spring_stiffness, m.load.prestress};
-  r.set(Channel::command) = command;
-  for (double& v : t.displacement) v += level * normal(random);
-  r.set(Channel::displacement) = std::move(t.displacement);
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
   std::vector<std::string> warnings;
-  const auto bench = prepare_bench(m, {{"loops", std::move(r)}}, 6000, warnings);
+  const auto bench = prepare_bench(
+      sprung(),
+      {{"loops", displaced(std::move(time), std::move(command), [&] { return level * normal(random); })}},
+      6000, warnings);
   const auto noise = estimate_noise(bench, warnings);
   EXPECT_EQ(noise[0][0].slow, 0);
   EXPECT_NEAR(noise[0][0].std() / level, 1, 0.25);
