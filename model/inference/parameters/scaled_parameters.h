@@ -21,7 +21,8 @@
 
 namespace ferrobench::model::inference {
 
-// Or of an instrument ("gain.charge", "offset.field") or the load ("factor.prestress").
+// Whether a parameter is the model's: not an instrument's ("gain.charge", "offset.field") or the load's
+// ("factor.prestress").
 bool is_of_model(std::string_view path);
 
 struct ScaledParameter {

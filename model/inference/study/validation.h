@@ -58,7 +58,8 @@ std::vector<Excess> excess_by_segment_class(const WhitenedRecordings& residuals,
 std::optional<Remainder> remainder_of(const std::map<recordings::Channel, Left>& left,
                                       const std::vector<Excess>& where, double floor);
 
-// The segments in which an explanation took away most, at most `count`, one for each channel and recording.
+// The segments in which an explanation took away most or, where nothing was added, in which most is left; at
+// most `count`, one for each channel and recording.
 std::vector<Trace> traces(const WhitenedRecordings& residuals, const Prediction& before,
                           const Prediction& after, std::size_t count, bool held_out);
 
