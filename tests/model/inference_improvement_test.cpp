@@ -16,6 +16,7 @@
 #include "model/inference/report/discovery_report.h"
 #include "model/inference/study/discover.h"
 #include "model/inference/study/empirical_term.h"
+#include "model/inference/study/sensor_channel.h"
 #include "model/model.h"
 #include "model/on_recording.h"
 
@@ -155,6 +156,92 @@ TEST(EmpiricalTerm, PromisesWhatItsFitGets) {
   const auto fitted = fit_empirical(residuals, without, linearized, likelihood, {.tick = {}});
   EXPECT_LT(fitted.fit.squares, 0.01 * without.squares);
   EXPECT_NEAR(linearized.evidence, fitted.evidence, 1e-3 * fitted.evidence);
+}
+
+// A charge with a backlash that the model lacks, and a displacement that is the model's but for a small one.
+// It is seen late, which shows in proportion to the frequency.
+recordings::Recording with_two_sensors(double frequency, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> unit;
+  constexpr double amplitude = 1.5e6, delay = 4e-3, play = 0.6e6;
+  constexpr int rows = 1500;
+  std::vector<double> time, field, displacement, charge;
+  double lagging = 0;
+  for (int i = -rows; i < 2 * rows; ++i) {
+    const double t = i / (rows * frequency);
+    const auto field_at = [&](double at) {
+      return amplitude * std::sin(2 * std::numbers::pi * frequency * at);
+    };
+    lagging = std::clamp(lagging, field_at(t) - play, field_at(t) + play);
+    if (i < 0) continue;
+    time.push_back(t);
+    field.push_back(field_at(t));
+    charge.push_back(200 * 25e-6 * (2e-8 * field_at(t) + 4e-9 * lagging) + 1e-8 * unit(random));
+    displacement.push_back(0.02 * (5e-10 * field_at(t - delay) + 1e-11 * lagging) + 1e-8 * unit(random));
+  }
+  auto out = stage(std::move(time), std::move(field), std::move(displacement));
+  out.set(Channel::charge) = std::move(charge);
+  return out;
+}
+
+const std::vector<std::string> what_could_be_late{"displacement_delay", "displacement_nonlinearity",
+                                                  "logarithmic_creep", "source_resistance"};
+
+// What is wrong with the charge says nothing about the displacement's sensor.
+TEST(Improvement, ASensorsEffectIsJudgedByItsOwnChannel) {
+  const auto d = discover(library_model("linear-capacitor"),
+                          {{"slow", with_two_sensors(1, 1)},
+                           {"fast", with_two_sensors(20, 2)},
+                           {"locked", with_two_sensors(15, 3)}},
+                          {.held_out = {"locked"}, .candidates = what_could_be_late});
+  ASSERT_EQ(d.verdict, Verdict::named) << text_report(d);
+  ASSERT_FALSE(d.added.empty());
+  const auto& found = d.added.front();
+  ASSERT_EQ(found.term.id, "displacement_delay");
+  EXPECT_NEAR(found.term.parameters.front().value, 4e-3, 2e-4);
+  EXPECT_EQ(found.channel, Channel::displacement);
+  EXPECT_GT(found.share.value_or(0), 0.9);
+  EXPECT_GT(found.share_held_out.value_or(0), 0.9);
+  EXPECT_THAT(text_report(d), testing::HasSubstr("of the excess of the displacement that stood before it"));
+}
+
+// A slow recording can neither confirm nor refute what is late by a few milliseconds.
+TEST(Improvement, ARecordingThatCannotShowASensorsEffectSaysNothingOfIt) {
+  const auto d = discover(library_model("linear-capacitor"),
+                          {{"fast", with_two_sensors(20, 1)},
+                           {"faster", with_two_sensors(25, 2)},
+                           {"locked", with_two_sensors(0.02, 3)}},
+                          {.held_out = {"locked"}, .candidates = what_could_be_late});
+  ASSERT_EQ(d.verdict, Verdict::named) << text_report(d);
+  ASSERT_FALSE(d.added.empty());
+  EXPECT_EQ(d.added.front().term.id, "displacement_delay");
+  EXPECT_GT(d.added.front().share.value_or(0), 0.9);
+  EXPECT_FALSE(d.added.front().share_held_out) << *d.added.front().share_held_out;
+}
+
+// What an effect takes of the displacement is a sensor's only if the force, in proportion, does not show the
+// same.
+TEST(SensorChannel, WhatForceShowsAsWellIsOfTheMotion) {
+  using namespace inference;
+  std::vector<BenchRecording> bench(2);
+  for (auto& r : bench) r.channels.emplace_back().range = 2e-5;  // of the displacement
+  bench[0].channels.emplace_back().channel = Channel::force;
+  bench[0].channels.back().range = 50;
+  const NoiseModel of_displacement{.white = 2e-8}, of_force{.white = 0.1};
+  const std::vector<std::vector<NoiseModel>> noise{{of_displacement, of_force}, {of_displacement}};
+  const double gap = std::nan("");
+  const Signals before{{{30, -20, gap, 10}, {3, 2, 1, 4}}, {{1, 2, 3, 4}}};
+  Signals after{{{0, 0, gap, 0}, {3, 2, 1, 4}}, {{0, 0, 0, 0}}};
+  const std::vector<std::size_t> both{0, 1}, second{1};
+  const Misses misses{bench, noise, both, before, after};
+  EXPECT_DOUBLE_EQ(squares_of_change(misses, Channel::displacement), 1400 + 30);
+  EXPECT_DOUBLE_EQ(excess_taken(misses, Channel::displacement).before, 1400 - 3 + 30 - 4);
+  EXPECT_DOUBLE_EQ(excess_taken(misses, Channel::displacement).share(), 1);
+  EXPECT_FALSE(is_of_the_motion(misses, Channel::displacement));
+  after[0][1] = {15, -10, 0, 5};  // 0.1 N of 50 N is twice 2e-8 m of 2e-5 m
+  EXPECT_TRUE(is_of_the_motion(misses, Channel::displacement));
+  EXPECT_FALSE(is_of_the_motion(misses, Channel::charge));
+  EXPECT_FALSE(is_of_the_motion({bench, noise, second, {before[1]}, {after[1]}}, Channel::displacement));
 }
 
 TEST(Improvement, WithoutACommandNothingIsSaidOfTheAmplifier) {

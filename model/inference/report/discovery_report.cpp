@@ -126,7 +126,8 @@ std::vector<std::string> added_lines(const Discovery& d) {
                               family_name(effect.family), effect.equation));
     if (a.share)
       out.push_back(fmt::format(
-          "It takes {:.0f} % of the excess that stood before it{}.", 100 * *a.share,
+          "It takes {:.0f} % of the excess{} that stood before it{}.", 100 * *a.share,
+          a.channel ? fmt::format(" of the {}", recordings::channel_name(*a.channel)) : "",
           a.share_held_out ? fmt::format(", {:.0f} % on locked recordings", 100 * *a.share_held_out) : ""));
     if (effect.table) continue;  // many weights: the model file has them
     for (const auto& p : a.term.parameters) out.push_back(parameter_text(effect, p));

@@ -21,6 +21,7 @@ inline constexpr double interval_90 = 1.645;
 // Sums of squares of recordings above those of their noise: before an explanation, and what it leaves.
 struct ExcessTaken {
   double before = 0, left = 0;
+  double share() const { return before > 0 ? 1 - left / before : 0; }
 };
 
 struct ModelSelection {

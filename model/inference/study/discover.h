@@ -80,8 +80,13 @@ struct AddedTerm {
   EffectEstimate term;
   bool empirical = false;  // a table that was fitted and stands for what has no name
   // Of the excess that stood before it; on recordings that were learned from, and on the others. None where
-  // two were found together or a table came beside what noise had named, or nothing was locked away.
+  // two were found together or a table came beside what noise had named, or where nothing was locked away
+  // that could show it.
   std::optional<double> share{}, share_held_out{};
+  // The one whose excess is meant, of a sensor's effect that was found beside a model that is wrong by much;
+  // empty: that of all. The share is then of all recordings, unless the effect could not show in those that
+  // were locked away (study/incumbent.h).
+  std::optional<recordings::Channel> channel{};
 };
 
 // For a picture: a segment of a recording where the gap is seen best.

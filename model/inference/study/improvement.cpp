@@ -273,12 +273,12 @@ class Improver {
     Comparison most, most_for_noise;
     most_for_noise.share = least_share_of_effect;
     for (auto& t : tried) {
-      auto trial = incumbent_.weigh(t.place);
+      auto trial = incumbent_.weigh(t.place, *t.effect);
       if (!trial) continue;
       if (&t == &tried.front() && is_enough(trial)) return name(t, *std::move(trial));
       if (trial->smaller_share() >= least_part_at_first * demanded_) {
         t.place = incumbent_.fitted_beside_its_own_error(t.place);
-        trial = incumbent_.weigh(t.place);
+        trial = incumbent_.weigh(t.place, *t.effect);
         if (!trial) continue;
         t.gained = incumbent_.log_likelihood_ratio(*trial) - penalty(*t.effect);
         if (trial->smaller_share() > most.smaller_share()) {
@@ -363,8 +363,9 @@ class Improver {
   void take(HypothesisPoint next, const Effect& effect, Comparison trial) {
     out_.added.push_back({.term = {.id = std::string(effect.id), .parameters = {}},
                           .empirical = effect.empirical,
-                          .share = std::max(0.0, trial.share)});
-    if (!task_.held_out.empty()) out_.added.back().share_held_out = std::max(0.0, trial.share_held_out);
+                          .share = std::max(0.0, trial.share),
+                          .channel = trial.channel});
+    if (trial.share_held_out) out_.added.back().share_held_out = std::max(0.0, *trial.share_held_out);
     incumbent_.accept(std::move(next), std::move(trial));
   }
 

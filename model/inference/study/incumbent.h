@@ -23,8 +23,10 @@ struct HypothesisPoint {
 // held-out recordings.
 struct Comparison {
   Signals training, held_out;
-  double share = 0, share_held_out = 0;
-  double smaller_share() const { return std::min(share, share_held_out); }
+  double share = 0;
+  std::optional<double> share_held_out{};        // empty: these recordings say nothing about the trial
+  std::optional<recordings::Channel> channel{};  // the one whose excess is meant; empty: that of all
+  double smaller_share() const { return std::min(share, share_held_out.value_or(share)); }
 };
 
 class Incumbent {
@@ -52,6 +54,9 @@ class Incumbent {
   // Compares a model with the incumbent by the fine simulation. Empty if that fails for one of the
   // recordings; it may fail where the coarse simulation of the fits did not.
   std::optional<Comparison> weigh(const HypothesisPoint& next) const;
+  // The same of an effect that `next` has beside the incumbent. One of a sensor is weighed in that sensor's
+  // channel (sensor_channel.h), if it does not make the others worse.
+  std::optional<Comparison> weigh(const HypothesisPoint& next, const Effect& effect) const;
 
   // Fits a model that need not be near the incumbent, beside the model's error.
   HypothesisPoint fitted(HypothesisPoint at, const SolverOptions& options) const;
@@ -76,6 +81,8 @@ class Incumbent {
 
  private:
   Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
+  bool could_show(const HypothesisPoint& next, const Effect& effect, const Comparison& trial) const;
+  Comparison in_its_channel(Comparison trial, const HypothesisPoint& next, const Effect& effect) const;
   void estimate_errors(Signals training, const Signals& held_out,
                        std::vector<std::vector<NoiseModel>>& errors) const;
   void look();
