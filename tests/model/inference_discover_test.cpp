@@ -18,7 +18,9 @@
 #include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/discover.h"
 #include "model/inference/study/fit.h"
+#include "model/inference/study/incumbent.h"
 #include "model/inference/study/model_error.h"
+#include "model/inference/study/unknown_pasts.h"
 #include "model/inference/study/validation.h"
 #include "model/simulator.h"
 #include "recordings/file/reader.h"
@@ -570,6 +572,37 @@ TwoRecordings prepare_two(const NamedRecording& first, const NamedRecording& sec
 TwoRecordings two_recordings() {
   return prepare_two({plans()[0].name, record(real_bench(), plans()[0], 1)},
                      {plans()[4].name, record(real_bench(), plans()[4], 2)});
+}
+
+// One recording's past is wrong, then right, then wrong again.
+TEST(Incumbent, KeepsOtherPastsOnlyWhereLessIsMissed) {
+  using namespace inference;
+  using protocols::Past;
+  using protocols::PastKind;
+  const Past plus{PastKind::poled_plus}, minus{PastKind::poled_minus};
+  auto [bench, noises] = prepare_two({plans()[1].name, record(real_bench(), plans()[1], 1, &plus)},
+                                     {plans()[4].name, record(real_bench(), plans()[4], 2, &minus)});
+  std::vector<Past> next;
+  ImprovementTask task;
+  task.bench = &bench;
+  task.noise = &noises;
+  task.train = {0, 1};
+  task.choose_pasts = [&](const Model&) { return next; };
+  task.set_pasts = [&bench = bench](const std::vector<Past>& pasts) { hold_pasts(bench, pasts); };
+  task.set_pasts({plus, plus});
+  Fit base;
+  base.hypothesis = base_hypothesis(given(), bench);
+  base.z = prior_mean(base.hypothesis);
+  Incumbent incumbent(task, base, [](const std::string&) {});
+  incumbent.settle(1);
+  next = {plus, minus};
+  incumbent.refit_under_other_pasts();
+  EXPECT_EQ(incumbent.pasts(), next);
+  const Eigen::VectorXd z = incumbent.at().z;
+  next = {plus, plus};
+  incumbent.refit_under_other_pasts();
+  EXPECT_EQ(incumbent.pasts(), (std::vector<Past>{plus, minus}));
+  EXPECT_EQ(incumbent.at().z, z);
 }
 
 // `z` with barriers wider by 2.6: eight standard deviations of the prior.

@@ -1,6 +1,7 @@
 #include "model/inference/study/incumbent.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "model/inference/selection/verdict.h"
@@ -261,14 +262,36 @@ void Incumbent::accept(HypothesisPoint next, Comparison trial) {
   refit();
 }
 
+// How much is missed: by noise where that is the only error, else over the ranges, as pasts are chosen. By an
+// error of each channel's own, what a channel that is met badly gains from another past would hardly count.
+double Incumbent::amount_of(const Signals& missed, const std::vector<std::size_t>& recordings) const {
+  if (noise_is_only_error()) return excess_squares(missed);
+  double out = 0;
+  for (std::size_t i = 0; i < recordings.size(); ++i)
+    for (std::size_t c = 0; c < missed[i].size(); ++c)
+      out += std::pow(noise_[recordings[i]][c].std() / (*task_.bench)[recordings[i]].channels[c].range, 2) *
+             mean_square(missed[i][c]);
+  return out;
+}
+
 void Incumbent::refit_under_other_pasts() {
   const auto stood = pasts();
+  const auto training = training_, held_out = held_out_;
   if (!choose_pasts(at_)) return;
-  fit_.fresh = false;
-  if (refit())
-    stand(at_, training_, held_out_);
-  else
+  bool less = false;
+  try {
+    look();
+    less = amount_of(training_, task_.train) < amount_of(training, task_.train) &&
+           amount_of(held_out_, task_.held_out) <= (1 + most_lost) * amount_of(held_out, task_.held_out);
+  } catch (const Error& failure) {
+    if (failure.code() != ErrorCode::numerical) throw;
+  }
+  if (!less) {
     task_.set_pasts(stood);
+    return stand(at_, training, held_out);
+  }
+  stand(at_, training_, held_out_);
+  if (refit()) stand(at_, training_, held_out_);
 }
 
 std::vector<protocols::Past> Incumbent::pasts() const {

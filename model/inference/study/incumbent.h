@@ -72,7 +72,8 @@ class Incumbent {
   // Makes `next` the incumbent and refits all of its parameters. The refit is dropped if it raises the excess
   // of the training or of the held-out recordings by more than the share `most_lost`.
   void accept(HypothesisPoint next, Comparison trial);
-  // Chooses the likeliest pasts and refits; both are undone on the same condition.
+  // Chooses the likeliest pasts. They are kept if less is missed of the training recordings, and of the
+  // held-out ones no more than `most_lost`. Beside them all is refitted, and the refit kept as after a term.
   void refit_under_other_pasts();
 
   std::vector<protocols::Past> pasts() const;
@@ -81,6 +82,7 @@ class Incumbent {
 
  private:
   Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
+  double amount_of(const Signals& missed, const std::vector<std::size_t>& recordings) const;
   bool could_show(const HypothesisPoint& next, const Effect& effect, const Comparison& trial) const;
   Comparison in_its_channel(Comparison trial, const HypothesisPoint& next, const Effect& effect) const;
   void estimate_errors(Signals training, const Signals& held_out,

@@ -161,6 +161,11 @@ bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothes
                              [&](const auto& l) { return l.second.model_error > floor; });
 }
 
+double mean_square(std::span<const double> standardized) {
+  const auto squares = squares_of(standardized);
+  return squares.count > 0 ? squares.mean() : 0;
+}
+
 double excess_squares(std::span<const double> standardized) {
   const auto squares = squares_of(standardized);
   return std::max(0.0, squares.sum - static_cast<double>(squares.count));
@@ -168,10 +173,8 @@ double excess_squares(std::span<const double> standardized) {
 
 bool shows(const Signals& standardized, const SelectionOptions& options) {
   return std::ranges::any_of(standardized, [&](const auto& recording) {
-    return std::ranges::any_of(recording, [&](const auto& channel) {
-      const auto squares = squares_of(channel);
-      return squares.count > 0 && squares.mean() > 1 + options.lack_of_fit;
-    });
+    return std::ranges::any_of(
+        recording, [&](const auto& channel) { return mean_square(channel) > 1 + options.lack_of_fit; });
   });
 }
 

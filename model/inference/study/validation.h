@@ -41,6 +41,8 @@ bool is_gross(const WhitenedRecordings& residuals, const Hypothesis& hypothesis,
 // Whether the model's own error is more than this share of a channel's range anywhere.
 bool is_material(const WhitenedRecordings& residuals, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
                  double floor);
+// Over the rows that were measured; 0 where none was.
+double mean_square(std::span<const double> standardized);
 // The sum of squares above the noise's, of one channel of one recording; none where noise is enough. Each
 // channel is asked for itself: a noise that was counted too high in one must not hide what is missed in
 // another.
