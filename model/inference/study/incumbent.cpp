@@ -20,7 +20,7 @@ namespace {
 constexpr double most_lost = 0.02;
 // The share of its channel's excess that a sensor's effect may add on held-out recordings in which it is too
 // small to show. The base's parameters were fitted beside it, and that moves what is missed there: a lag of
-// the displacement that took 0.999 of the excess of fast loops, whose physics was not the model's, added 0.07
+// the displacement that took 0.998 of the excess of fast loops, whose physics was not the model's, added 0.07
 // to that of slow ones.
 constexpr double most_lost_beside_sensor = 0.15;
 // Rounds in which an error and a fit beside it follow each other down, while one gains this in 2 ln of the
