@@ -66,7 +66,8 @@ void print_result(const json& result) {
                 p.at("from").get<double>(), p.at("to").get<double>(), interval.c_str(), remark.c_str());
   }
   print_correlations(result);
-  std::printf("\n%-44s %12s %12s\n", "root mean square", "before", "after");
+  const bool has_rms = !result.at("after").empty();  // not of a fit that was stopped before its end
+  std::printf("\n%-44s %12s %12s\n", has_rms ? "root mean square" : "", "before", "after");
   for (const auto& [name, value] : result.at("after").items())
     std::printf("%-44s %12.5g %12.5g\n", name.c_str(), result.at("before").at(name).get<double>(),
                 value.get<double>());

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/number_text.h"
 #include "model/inference/report/discovery_pictures.h"
 #include "model/inference/report/moved_parameters.h"
 #include "recordings/format/version.h"
@@ -33,11 +34,12 @@ std::string percent(double probability) {
 }
 
 std::string parameter_text(const Effect& effect, const EffectEstimate::Parameter& p) {
+  const auto [low, high] = interval_text(p.low, p.high);
   for (const auto& known : effect.parameters)
     if (known.name == p.name)
-      return fmt::format("{} = {:.4g} {} (90 %: {:.3g} to {:.3g}; plausible: {}{:.3g} to {:.3g})",
-                         readable(p.name), p.value, known.unit == "1" ? "" : std::string(known.unit), p.low,
-                         p.high, known.any_sign ? "either sign, " : "", known.low, known.high);
+      return fmt::format("{} = {:.4g} {} (90 %: {} to {}; plausible: {}{:.3g} to {:.3g})", readable(p.name),
+                         p.value, known.unit == "1" ? "" : std::string(known.unit), low, high,
+                         known.any_sign ? "either sign, " : "", known.low, known.high);
   return p.name;
 }
 
