@@ -112,7 +112,7 @@ json discovery_schema() {
                                         "of_range"))},
        {"added",
         list_of(any_object("a term of the improved model: id, empirical, parameters, intervals, share, "
-                           "share_held_out"))},
+                           "share_held_out; share_of: the channel whose excess is meant, or null"))},
        {"pasts", list_of(any_object("of a recording, and whether it was chosen"))},
        {"model", any_object("the improved one")},
        {"asked", any_object("what was asked and of what: model, sources, options, time, software")},

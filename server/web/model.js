@@ -144,7 +144,7 @@ export class ModelView {
     const parameters = d.added.flatMap((a) => Object.entries(a.parameters ?? {}).map(([key, value]) => ({
       term: `${String(a.id).replaceAll("_", " ")}${a.empirical ? " (empirical)" : ""}`, equation: effects.get(a.id)?.equation ?? "–",
       parameter: key.replaceAll("_", " "), value, unit: effects.get(a.id)?.parameters.find((p) => p.name === key)?.unit ?? "–",
-      interval: a.intervals?.[key] ? interval(a.intervals[key]) : "–", share: percent(a.share), proof: percent(a.share_held_out) })));
+      interval: a.intervals?.[key] ? interval(a.intervals[key]) : "–", share: percent(a.share) + (a.share_of ? ` of the ${a.share_of}` : ""), proof: percent(a.share_held_out) })));
     const verdict = element("dl", { class: "facts" });
     facts(verdict, [["Verdict", String(d.verdict).replaceAll("_", " ")], ["Explained", `${percent(d.share)}, locked away ${percent(d.share_held_out)}`],
       ["Unknown", percent(d.probability_unknown)], ["Nothing missing", percent(d.probability_nothing)]]);

@@ -203,6 +203,8 @@ TEST(Improvement, ASensorsEffectIsJudgedByItsOwnChannel) {
   EXPECT_GT(found.share.value_or(0), 0.9);
   EXPECT_GT(found.share_held_out.value_or(0), 0.9);
   EXPECT_THAT(text_report(d), testing::HasSubstr("of the excess of the displacement that stood before it"));
+  EXPECT_EQ(to_json(d)["added"][0]["share_of"], "displacement");
+  EXPECT_THAT(text_report(d), testing::HasSubstr("Of no effect is it known how small it would have shown"));
 }
 
 // A slow recording can neither confirm nor refute what is late by a few milliseconds.

@@ -83,6 +83,7 @@ nlohmann::json to_json(const Discovery& d) {
     out["added"].push_back(estimate(a.term));
     out["added"].back().update({{"empirical", a.empirical},
                                 {"share", or_null(a.share)},
+                                {"share_of", a.channel ? json(recordings::channel_name(*a.channel)) : json()},
                                 {"share_held_out", or_null(a.share_held_out)}});
   }
   out["pasts"] = json::array();

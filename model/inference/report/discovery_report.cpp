@@ -233,7 +233,9 @@ std::vector<Section> sections(const Discovery& d) {
     for (const auto& id : d.not_testable) names.push_back(readable(id));
     limits.lines.push_back("Not testable: " + list(names) + ".");
   }
-  if (limits.lines.empty())
+  if (d.smallest_detectable.empty())  // a model that is wrong by much hides more than noise does
+    limits.lines.emplace_back("Of no effect is it known how small it would have shown.");
+  else if (limits.lines.empty())
     limits.lines.emplace_back("Every effect of the catalogue would have shown at a plausible size.");
   out.push_back(limits);
   return out;
@@ -365,9 +367,9 @@ std::string html_report(const Discovery& d) {
       body += pictures(d);
   }
   for (const auto& table : cell_tables(d)) body += to_html(table);
-  return recordings::html_frame(
-      "What the model misses",
-      body + to_html(detectable_table(d)) + to_html(health_table(d)) + to_html(asked_table(d)));
+  if (!d.smallest_detectable.empty()) body += to_html(detectable_table(d));
+  return recordings::html_frame("What the model misses",
+                                body + to_html(health_table(d)) + to_html(asked_table(d)));
 }
 
 }  // namespace ferrobench::model
