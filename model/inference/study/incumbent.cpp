@@ -97,16 +97,13 @@ std::optional<Comparison> Incumbent::weigh(const HypothesisPoint& next) const {
   return out;
 }
 
-// Whether the effect, right or wrong, acts on the held-out recordings by enough to take its share there.
-bool Incumbent::could_show(const HypothesisPoint& next, const Effect& effect, const Comparison& trial) const {
+// By how much the effect, right or wrong, acts on its channel of the held-out recordings.
+double Incumbent::action_on_held_out(const HypothesisPoint& next, const Effect& effect,
+                                     const Comparison& trial) const {
   HypothesisPoint without{without_effect(next.hypothesis, std::string(effect.id)), {}};
   without.z = carried_over(without.hypothesis, next.hypothesis, next.z);
   const auto lacking = miss(without, task_.held_out);
-  const double acts =
-      squares_of_change({*task_.bench, noise_, task_.held_out, lacking, trial.held_out}, *trial.channel);
-  const double before =
-      excess_taken({*task_.bench, noise_, task_.held_out, held_out_, trial.held_out}, *trial.channel).before;
-  return acts > task_.selection.material_share * before;
+  return squares_of_change({*task_.bench, noise_, task_.held_out, lacking, trial.held_out}, *trial.channel);
 }
 
 // The comparison in the channel of the effect's sensor.
@@ -117,7 +114,9 @@ Comparison Incumbent::in_its_channel(Comparison trial, const HypothesisPoint& ne
   if (!task_.held_out.empty()) {
     const auto held_out =
         excess_taken({*task_.bench, noise_, task_.held_out, held_out_, trial.held_out}, *trial.channel);
-    const bool shows = could_show(next, effect, trial);
+    // Whether it could take its share there.
+    const bool shows =
+        action_on_held_out(next, effect, trial) > task_.selection.material_share * held_out.before;
     if (shows) taken = {taken.before + held_out.before, taken.left + held_out.left};
     if (shows || held_out.share() < -most_lost_beside_sensor) trial.share_held_out = held_out.share();
   }

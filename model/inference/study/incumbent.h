@@ -83,7 +83,7 @@ class Incumbent {
  private:
   Signals miss(const HypothesisPoint& at, const std::vector<std::size_t>& recordings) const;
   double amount_of(const Signals& missed, const std::vector<std::size_t>& recordings) const;
-  bool could_show(const HypothesisPoint& next, const Effect& effect, const Comparison& trial) const;
+  double action_on_held_out(const HypothesisPoint& next, const Effect& effect, const Comparison& trial) const;
   Comparison in_its_channel(Comparison trial, const HypothesisPoint& next, const Effect& effect) const;
   void estimate_errors(Signals training, const Signals& held_out,
                        std::vector<std::vector<NoiseModel>>& errors) const;

@@ -161,15 +161,15 @@ bool Inquiry::select_beside_tables(const Improvement& narrowed, const std::vecto
   if (!is_named_beside_terms(again)) return false;
   const bool is_alone = again.best->effects.size() == 1;
   if (!named.empty() && !is_alone) return false;
-  const auto [before, after] = held_out_excess(again);
-  if (after > (1 - s_.selection.material_share) * before) return false;
+  const auto held_out = held_out_excess(again);
+  if (held_out.left > (1 - s_.selection.material_share) * held_out.before) return false;
   const double share = share_of_excess(again.base, again.best->fit, coarse_.samples());
   std::ranges::move(tables, std::back_inserter(terms_));
   count_among_effects(again.forward, named);
   tell_beside_terms(std::move(again), true, selection);
   if (is_alone) {
     s_.out.added.back().share = share;
-    if (before > 0) s_.out.added.back().share_held_out = 1 - after / before;
+    if (held_out.before > 0) s_.out.added.back().share_held_out = held_out.share();
   }
   return true;
 }
