@@ -176,8 +176,13 @@ std::string in_words(const Past& past) {
       double extreme = 0;
       for (const auto& level : past.levels)
         if (std::abs(level.field) >= std::abs(extreme)) extreme = level.field;
-      std::array<char, 64> text{};
-      (void)std::snprintf(text.data(), text.size(), ", then taken to %.4g kV/mm", extreme / 1e6);
+      std::array<char, 96> text{};
+      if (constexpr std::size_t few = 2; past.levels.size() <= few)
+        (void)std::snprintf(text.data(), text.size(), ", then taken to %.4g kV/mm", extreme / 1e6);
+      else
+        (void)std::snprintf(text.data(), text.size(),
+                            ", then taken through %zu levels, the farthest of them %.4g kV/mm",
+                            past.levels.size(), extreme / 1e6);
       return first + text.data();
     }
     case PastKind::unknown:

@@ -6,6 +6,14 @@
 
 namespace ferrobench::model {
 
+// Free to move, and quick enough for programs of tenths of a second.
+inline Model quick_specimen() {
+  auto m = library_model("soft-pzt");
+  m.material.relaxation_time = 1e-3;
+  m.load = {};
+  return m;
+}
+
 inline recordings::Recording measured_on(const Model& m, const Program& p,
                                          const SimulationOptions& options = {}) {
   using recordings::Channel;

@@ -16,13 +16,6 @@ using protocols::PastKind;
 
 constexpr SimulationOptions simulation{.tolerance = 1e-4, .domains = 128, .shift = 0};
 
-Model specimen() {
-  auto m = library_model("soft-pzt");
-  m.material.relaxation_time = 1e-3;
-  m.load = {};
-  return m;
-}
-
 // Up to a field that switches all, down to one that does not, and back.
 Program lopsided() {
   return {{{0, 0}, {0.1, 1.6e6}, {0.25, -9e5}, {0.3, 0}}, 2e-3};
@@ -35,7 +28,7 @@ Past visited(double level) {
 recordings::Recording after(const Past& past) {
   auto options = simulation;
   options.past = &past;
-  return measured_on(specimen(), lopsided(), options);
+  return measured_on(quick_specimen(), lopsided(), options);
 }
 
 Past likeliest(const Model& model, recordings::Recording recording, bool heights_are_free) {
@@ -46,8 +39,8 @@ Past likeliest(const Model& model, recordings::Recording recording, bool heights
 
 TEST(Pasts, AreFoundUnderTheRightModel) {
   for (const auto kind : {PastKind::poled_plus, PastKind::poled_minus, PastKind::unpoled, PastKind::cycled})
-    EXPECT_EQ(likeliest(specimen(), after({kind}), false).kind, kind) << protocols::in_words({kind});
-  const auto found = likeliest(specimen(), after(visited(-9.5e5)), false);
+    EXPECT_EQ(likeliest(quick_specimen(), after({kind}), false).kind, kind) << protocols::in_words({kind});
+  const auto found = likeliest(quick_specimen(), after(visited(-9.5e5)), false);
   ASSERT_EQ(found.kind, PastKind::visited);
   EXPECT_EQ(found.from, FirstState::poled_plus);
   EXPECT_NEAR(found.levels.at(0).field, -9.5e5, 5e4);
@@ -60,14 +53,14 @@ TEST(Pasts, OfASpecimenThatWasPartlyPoledHaveItsDegree) {
     const Past past{.kind = PastKind::cycled, .from = FirstState::partly_poled, .poling = poling};
     auto options = simulation;
     options.past = &past;
-    const auto found = likeliest(specimen(), measured_on(specimen(), weak, options), false);
+    const auto found = likeliest(quick_specimen(), measured_on(quick_specimen(), weak, options), false);
     EXPECT_EQ(found.from, FirstState::partly_poled) << protocols::in_words(found);
     EXPECT_NEAR(found.poling.value_or(9), poling, 0.05);
   }
 }
 
 TEST(Pasts, AreFoundUnderAModelOfTheWrongHeight) {
-  auto start = specimen();
+  auto start = quick_specimen();
   start.material.remanent_polarization *= 1.4;
   start.material.barrier *= 1.4;  // so that it switches at the same field
   start.material.activation_volume /= 1.4;
@@ -79,7 +72,7 @@ TEST(Pasts, AreFoundUnderAModelOfTheWrongHeight) {
 TEST(Pasts, ThatAreRecordedStay) {
   auto recording = after({PastKind::poled_plus});
   recording.header.past = {PastKind::poled_minus};
-  EXPECT_EQ(likeliest(specimen(), std::move(recording), false), Past{PastKind::poled_minus});
+  EXPECT_EQ(likeliest(quick_specimen(), std::move(recording), false), Past{PastKind::poled_minus});
 }
 
 FitResult fitted(const Model& start, std::vector<recordings::Recording> recordings) {
@@ -95,7 +88,7 @@ FitResult fitted(const Model& start, std::vector<recordings::Recording> recordin
 TEST(Pasts, AreFoundByAFitEachForItsRecording) {
   auto known = after({PastKind::poled_plus});
   known.header.past = {PastKind::poled_plus};
-  auto start = specimen();
+  auto start = quick_specimen();
   start.material.remanent_polarization *= 1.15;
   start.material.barrier *= 1.1;
   std::vector<recordings::Recording> recordings{after({PastKind::poled_minus}), after(visited(-9.5e5)),
@@ -109,11 +102,12 @@ TEST(Pasts, AreFoundByAFitEachForItsRecording) {
   ASSERT_TRUE(result.residuals);
   for (const auto& [name, rms] : result.residuals->summary(result.model, {.simulation = simulation}))
     EXPECT_LT(rms, 0.5) << name;
-  EXPECT_NEAR(result.model.material.remanent_polarization, specimen().material.remanent_polarization, 2e-3);
+  EXPECT_NEAR(result.model.material.remanent_polarization, quick_specimen().material.remanent_polarization,
+              2e-3);
 }
 
 TEST(Pasts, AreKeptByAFitThatIsStopped) {
-  auto start = specimen();
+  auto start = quick_specimen();
   start.material.barrier *= 1.1;
   int left = 300;
   FitOptions options;
@@ -132,8 +126,8 @@ TEST(Pasts, AreThoseOfABenchAsRecorded) {
   auto minus = after({PastKind::poled_minus});
   minus.header.past = {PastKind::poled_minus};
   std::vector<std::string> warnings;
-  const auto bench = inference::prepare_bench(specimen(), {{"minus", minus}}, 1000, warnings);
-  const auto simulated = inference::simulate_bench(specimen(), bench.at(0), simulation);
+  const auto bench = inference::prepare_bench(quick_specimen(), {{"minus", minus}}, 1000, warnings);
+  const auto simulated = inference::simulate_bench(quick_specimen(), bench.at(0), simulation);
   for (std::size_t c = 0; c < bench[0].channels.size(); ++c) {
     const auto& measured = bench[0].channels[c];
     if (measured.channel == recordings::Channel::charge) {

@@ -102,6 +102,8 @@ TEST(PastInWords, SaysFromWhichStateItBegan) {
             "unpoled, then cycled through the program until it repeated itself");
   EXPECT_EQ(in_words({PastKind::visited, std::nullopt, {{-1.75e6, 1}, {0, 1}}}),
             "poled towards +, then taken to -1.75 kV/mm");
+  EXPECT_EQ(in_words({PastKind::visited, FirstState::unpoled, {{1.5e6, 1}, {-1.75e6, 1}, {0, 1}}}),
+            "unpoled, then taken through 3 levels, the farthest of them -1.75 kV/mm");
 }
 
 }  // namespace

@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <limits>
 
+#include "model/inference/dataset/succession.h"
 #include "model/inference/residuals/simulated_rows.h"
 #include "model/inference/solver/covariance.h"
 #include "model/on_recording.h"
@@ -95,37 +95,15 @@ class Search {
   }
 
   std::optional<FoundPast> likeliest() {
-    std::vector<Hypothesis> all;
-    const auto add = [&](const Past& past) { all.push_back({past, how_.misfit(past)}); };
-    if (!how_.cycled_alone) {
-      for (const auto kind : {PastKind::poled_plus, PastKind::poled_minus, PastKind::unpoled}) add({kind});
-      const auto best = std::ranges::min_element(all, {}, squares_of);
-      if (best->misfit.squares <= how_.enough) return FoundPast{best->past, best->misfit};
-    }
-    std::vector<Hypothesis> cycled;
-    for (const auto from : {FirstState::poled_minus, FirstState::unpoled, FirstState::poled_plus}) {
-      const Past past{PastKind::cycled, from};
-      cycled.push_back({past, how_.misfit(past)});
-    }
-    if (how_.degrees) cycled.push_back(partly_poled(cycled));
-    all.insert(all.begin(), cycled.begin(), cycled.end());
-    if (!how_.cycled_alone && pace_ > 0)
-      for (const bool unpoled : {false, true}) {
-        auto level = last_level(unpoled);
-        if (how_.residual &&
-            level.misfit.squares < worth_refining * std::ranges::min(all, {}, squares_of).misfit.squares)
-          level = with_pace(std::move(level));
-        all.push_back(std::move(level));
-      }
-    const auto* best = &*std::ranges::min_element(all, {}, squares_of);
-    if (!std::isfinite(best->misfit.squares)) return std::nullopt;
-    const double n = best->misfit.independent;
-    const double of_level = how_.level_gain.value_or(-n * std::log(much_less));
-    const auto found = std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
-      return n * std::log(h.misfit.squares + how_.not_seen) + h.numbers * std::log(n) +
-             (h.has_level ? of_level : 0);
-    });
-    return FoundPast{found->past, found->misfit};
+    std::optional<FoundPast> presumed;
+    for (const auto& past : how_.presumed)
+      if (const auto misfit = how_.misfit(past);
+          std::isfinite(misfit.squares) && !(presumed && presumed->misfit.squares <= misfit.squares))
+        presumed = {past, misfit};
+    if (presumed && presumed->misfit.squares <= how_.not_doubted) return presumed;
+    const auto found = likeliest_of_all();
+    const bool stands = presumed && !(found && found->misfit.squares < much_less * presumed->misfit.squares);
+    return stands ? presumed : found;
   }
 
   // Level and pace by damped Gauss-Newton steps, with slopes by differences: a level that was gone to more
@@ -169,6 +147,40 @@ class Search {
   }
 
  private:
+  std::optional<FoundPast> likeliest_of_all() {
+    std::vector<Hypothesis> all;
+    const auto add = [&](const Past& past) { all.push_back({past, how_.misfit(past)}); };
+    if (!how_.cycled_alone) {
+      for (const auto kind : {PastKind::poled_plus, PastKind::poled_minus, PastKind::unpoled}) add({kind});
+      const auto best = std::ranges::min_element(all, {}, squares_of);
+      if (best->misfit.squares <= how_.enough) return FoundPast{best->past, best->misfit};
+    }
+    std::vector<Hypothesis> cycled;
+    for (const auto from : {FirstState::poled_minus, FirstState::unpoled, FirstState::poled_plus}) {
+      const Past past{PastKind::cycled, from};
+      cycled.push_back({past, how_.misfit(past)});
+    }
+    if (how_.degrees) cycled.push_back(partly_poled(cycled));
+    all.insert(all.begin(), cycled.begin(), cycled.end());
+    if (!how_.cycled_alone && pace_ > 0)
+      for (const bool unpoled : {false, true}) {
+        auto level = last_level(unpoled);
+        if (how_.residual &&
+            level.misfit.squares < worth_refining * std::ranges::min(all, {}, squares_of).misfit.squares)
+          level = with_pace(std::move(level));
+        all.push_back(std::move(level));
+      }
+    const auto* best = &*std::ranges::min_element(all, {}, squares_of);
+    if (!std::isfinite(best->misfit.squares)) return std::nullopt;
+    const double n = best->misfit.independent;
+    const double of_level = how_.level_gain.value_or(-n * std::log(much_less));
+    const auto found = std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
+      return n * std::log(h.misfit.squares + how_.not_seen) + h.numbers * std::log(n) +
+             (h.has_level ? of_level : 0);
+    });
+    return FoundPast{found->past, found->misfit};
+  }
+
   Past visited(double level, bool unpoled) const {
     const auto far_side = level < 0 ? FirstState::poled_plus : FirstState::poled_minus;
     return {PastKind::visited, unpoled ? FirstState::unpoled : far_side, {{level, std::abs(level) / pace_}}};
@@ -257,31 +269,25 @@ PastMisfit misfit_over_range(std::span<const Model> models, const RecordingData&
 // Of one recording, as it is chosen over the range.
 class Judge {
  public:
-  Judge(std::span<const Model> models, const RecordingData& data, const PastChoice& choice)
+  Judge(std::span<const Model> models, const RecordingData& data, const PastChoice& choice,
+        std::vector<Past> presumed, double not_doubted)
       : data_(data),
-        presumed_(choice.presumed),
         // A degree shows in heights, and says nothing before these are known.
         how_{.misfit = [models, &data,
                         &choice](const Past& p) { return misfit_over_range(models, data, choice, p); },
              .degrees = !choice.heights_are_free,
              .cycled_alone = choice.cycled_alone,
              .not_seen = not_seen * not_seen * static_cast<double>(data.columns.size()),
-             .level_gain = {}} {}
+             .level_gain = {},
+             .presumed = std::move(presumed),
+             .not_doubted = not_doubted * not_doubted * static_cast<double>(data.columns.size())} {}
 
   std::optional<FoundPast> likeliest() const {
     return likeliest_past(data_.drive.time, data_.drive.field, how_);
   }
-  // Whether the presumed past leaves much that another one does not.
-  bool contradicts_presumed() const {
-    const double presumed = how_.misfit(*presumed_).squares;
-    if (presumed <= little * little * static_cast<double>(data_.columns.size())) return false;
-    const auto found = likeliest();
-    return found && found->misfit.squares < much_less * presumed;
-  }
 
  private:
   const RecordingData& data_;
-  const std::optional<Past>& presumed_;
   PastSearch how_;
 };
 
@@ -299,25 +305,35 @@ FoundPast refined_past(std::span<const double> field, const Past& visit, const P
 
 std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const RecordingData> data,
                                const PastChoice& choice) {
-  std::vector<Past> out(data.size());
-  const auto known = [&](std::size_t i) { return data[i].header.past.known(); };
-  if (choice.presumed) {
-    std::atomic<bool> contradicted = false;
-    tbb::parallel_for(std::size_t{0}, data.size(), [&](std::size_t i) {
-      if (!known(i) && Judge(models, data[i], choice).contradicts_presumed()) contradicted = true;
+  std::vector<Past> out;
+  out.reserve(data.size());
+  for (const auto& d : data) out.push_back(d.header.past.known() ? d.header.past : d.past);
+  const auto following = pasts_by_succession(data);
+  std::vector<std::size_t> first, later;  // of those that name none
+  for (std::size_t i = 0; i < data.size(); ++i)
+    if (!data[i].header.past.known()) (following[i].empty() ? first : later).push_back(i);
+
+  const auto choose = [&](const std::vector<std::size_t>& which, const auto& presumed, double not_doubted) {
+    tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t k) {
+      const auto i = which[k];
+      if (const auto found = Judge(models, data[i], choice, presumed(i), not_doubted).likeliest())
+        out[i] = found->past;
     });
-    if (!contradicted) {
-      for (std::size_t i = 0; i < data.size(); ++i)
-        out[i] = known(i) ? data[i].header.past : *choice.presumed;
-      return out;
-    }
+  };
+  bool contradicted = true;
+  if (choice.presumed) {
+    for (const auto i : first) out[i] = *choice.presumed;
+    choose(
+        first, [&](std::size_t) { return std::vector{*choice.presumed}; }, little);
+    contradicted = std::ranges::any_of(first, [&](std::size_t i) { return out[i] != *choice.presumed; });
   }
-  tbb::parallel_for(std::size_t{0}, data.size(), [&](std::size_t i) {
-    if (const auto found = known(i) ? std::nullopt : Judge(models, data[i], choice).likeliest())
-      out[i] = found->past;
-    else
-      out[i] = known(i) ? data[i].header.past : data[i].past;
-  });
+  if (contradicted)
+    choose(
+        first, [](std::size_t) { return std::vector<Past>(); }, 0);
+  // A model whose heights are not known yet says too little against what was measured.
+  choose(
+      later, [&](std::size_t i) { return following[i]; },
+      choice.heights_are_free ? std::numeric_limits<double>::infinity() : little);
   return out;
 }
 

@@ -11,6 +11,10 @@
 // n ln 2 more: where a model is wrong, a level that nobody set makes up for it. A degree of poling has not:
 // each specimen has one, and cycles that do not saturate it leave much of it.
 //
+// A recording that is known to have followed others (dataset/succession.h) has a past that they state. It is
+// presumed, and stands unless it leaves much where another one leaves less than half of its sum of squares: a
+// past that is free makes up for what the model misses, and one that was measured does not.
+//
 // Near a start neither the polarization nor the strain is right yet, so the height of each channel is free;
 // the coercive fields and which way the first ramp goes tell the pasts apart all the same.
 #pragma once
@@ -47,6 +51,10 @@ struct PastSearch {
   // What -2 ln L has to fall by for a free level, beyond what its number costs; empty: n ln 2, see above.
   std::optional<double> level_gain{};
   double enough = 0;  // A past with a name that leaves no more than this is taken.
+  // The likeliest of these is taken, unless another past leaves less than half as much of the sum of squares
+  // and they leave more than `not_doubted`.
+  std::vector<protocols::Past> presumed{};
+  double not_doubted = 0;
   // The residual whose sum of squares `misfit` states. Where it is given, the time in which a level was gone
   // to is free as well; else it is that of the recording's own pace.
   std::function<Eigen::VectorXd(const protocols::Past&)> residual{};
@@ -67,10 +75,10 @@ FoundPast refined_past(std::span<const double> field, const protocols::Past& vis
 
 struct PastChoice {
   Fidelity fidelity;
-  bool heights_are_free = false;
-  bool cycled_alone = false;  // no other kind
-  // Taken for all, unless it leaves much of a recording where another past leaves less than half as much of
-  // the sum of squares: the model may be wrong in more than the past.
+  bool heights_are_free = false;  // then what was measured before is not doubted
+  bool cycled_alone = false;      // no other kind
+  // Taken for all that follow no other, unless it leaves much of one of these where another past leaves less
+  // than half as much of the sum of squares: the model may be wrong in more than the past.
   std::optional<protocols::Past> presumed{};
   std::function<void()> count{};  // before each simulation, from several threads; may throw
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/inference/dataset/held_out.h"
+#include "model/inference/dataset/succession.h"
 #include "model/inference/selection/candidates.h"
 
 namespace ferrobench::model::inference {
@@ -31,7 +32,8 @@ UnknownPasts unknown_pasts(Session& s) {
   std::vector<bool> unknown;
   for (const auto& p : s.out.pasts) unknown.push_back(p.chosen);
   const auto tick = [&s](const std::string& stage) { s.tick(stage, 0.01); };
-  return {s.bench, s.noise, s.train, std::move(unknown), s.watched({}), s.threads, tick};
+  return {s.bench,       s.noise,   s.train, std::move(unknown), pasts_by_succession(s.data),
+          s.watched({}), s.threads, tick};
 }
 
 void tell_pasts(Session& s) {

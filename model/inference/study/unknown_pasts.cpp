@@ -61,7 +61,12 @@ Fit recalibrated(const UnknownPasts& of, const Hypothesis& base, const Eigen::Ve
 class OneRecording {
  public:
   OneRecording(const UnknownPasts& of, std::size_t r, const Hypothesis& hypothesis, const Eigen::VectorXd& z)
-      : bench_{of.bench[r]}, noise_{of.noise[r]}, by_(finely(of)), hypothesis_(hypothesis), z_(z) {}
+      : bench_{of.bench[r]},
+        noise_{of.noise[r]},
+        presumed_(of.by_succession[r]),
+        by_(finely(of)),
+        hypothesis_(hypothesis),
+        z_(z) {}
 
   Past likeliest() {
     const auto how = search();
@@ -84,15 +89,19 @@ class OneRecording {
     return {left.squaredNorm(), static_cast<double>(left.size()) / correlated_rows(left)};
   }
   PastSearch search() {
+    const double noise_alone = enough * WhitenedRecordings(bench_, noise_, {0}, by_, 1).samples();
     return {.misfit = [this](const Past& p) { return misfit(p); },
             .degrees = false,
             .level_gain = level_gain,
-            .enough = enough * WhitenedRecordings(bench_, noise_, {0}, by_, 1).samples(),
+            .enough = noise_alone,
+            .presumed = presumed_,
+            .not_doubted = noise_alone,
             .residual = [this](const Past& p) { return residual(p); }};
   }
 
   std::vector<BenchRecording> bench_;
   const std::vector<std::vector<NoiseModel>> noise_;
+  const std::vector<Past>& presumed_;
   SimulationOptions by_;
   const Hypothesis& hypothesis_;
   const Eigen::VectorXd& z_;
@@ -103,7 +112,8 @@ class OneRecording {
 void set_pasts(const UnknownPasts& of, const std::vector<Past>& pasts) {
   for (std::size_t r = 0; r < of.bench.size(); ++r) {
     of.bench[r].header.past = pasts[r];
-    of.bench[r].past_is_free = of.unknown[r] && pasts[r].kind == PastKind::visited;
+    of.bench[r].past_is_free =
+        of.unknown[r] && pasts[r].kind == PastKind::visited && pasts[r].levels.size() == 1;
   }
 }
 

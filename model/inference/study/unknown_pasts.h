@@ -21,8 +21,9 @@ struct UnknownPasts {
   std::vector<BenchRecording>& bench;  // given its pasts here
   const std::vector<std::vector<NoiseModel>>& noise;
   const std::vector<std::size_t>& train;
-  std::vector<bool> unknown;     // of the bench: which name none
-  SimulationOptions simulation;  // of the fits; what stops it is used in all
+  std::vector<bool> unknown;                                // of the bench: which name none
+  std::vector<std::vector<protocols::Past>> by_succession;  // of the bench (dataset/succession.h)
+  SimulationOptions simulation;                             // of the fits; what stops it is used in all
   int threads = 1;
   std::function<void(const std::string& stage)> tick;
 };
@@ -54,7 +55,7 @@ SettledPasts settle_pasts(const UnknownPasts& of, const Hypothesis& base);
 // Levels and times of the visits that were estimated, where another fit stands.
 void refine_pasts(const UnknownPasts& of, const Hypothesis& hypothesis, const Eigen::VectorXd& z);
 
-// Visits that nobody recorded have a free level and a free time then.
+// A visit to one level that nobody recorded has a free level and a free time then.
 void set_pasts(const UnknownPasts& of, const std::vector<protocols::Past>& pasts);
 // Pasts that were chosen over the range: those that change are not free any more.
 void hold_pasts(std::vector<BenchRecording>& bench, const std::vector<protocols::Past>& pasts);
