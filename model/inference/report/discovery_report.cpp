@@ -162,7 +162,9 @@ std::vector<std::string> past_lines(const Discovery& d) {
     if (p.chosen && p.past.kind != protocols::PastKind::poled_plus)
       out.push_back(fmt::format("Before {} it was likeliest {}.", p.recording, protocols::in_words(p.past)));
   if (std::ranges::any_of(d.pasts, [](const auto& p) { return p.chosen && p.past.levels.size() > 1; }))
-    out.emplace_back("Levels are those of the tables before it in its file, and of its own program.");
+    out.emplace_back(
+        "The levels are those of the earlier tables of the file and, where the specimen was cycled after "
+        "them, of the table's own program.");
   return out;
 }
 

@@ -266,30 +266,21 @@ PastMisfit misfit_over_range(std::span<const Model> models, const RecordingData&
   return out;
 }
 
-// Of one recording, as it is chosen over the range.
-class Judge {
- public:
-  Judge(std::span<const Model> models, const RecordingData& data, const PastChoice& choice,
-        std::vector<Past> presumed, double not_doubted)
-      : data_(data),
-        // A degree shows in heights, and says nothing before these are known.
-        how_{.misfit = [models, &data,
-                        &choice](const Past& p) { return misfit_over_range(models, data, choice, p); },
-             .degrees = !choice.heights_are_free,
-             .cycled_alone = choice.cycled_alone,
-             .not_seen = not_seen * not_seen * static_cast<double>(data.columns.size()),
-             .level_gain = {},
-             .presumed = std::move(presumed),
-             .not_doubted = not_doubted * not_doubted * static_cast<double>(data.columns.size())} {}
-
-  std::optional<FoundPast> likeliest() const {
-    return likeliest_past(data_.drive.time, data_.drive.field, how_);
-  }
-
- private:
-  const RecordingData& data_;
-  PastSearch how_;
-};
+std::optional<FoundPast> likeliest_over_range(std::span<const Model> models, const RecordingData& data,
+                                              const PastChoice& choice, std::vector<Past> presumed,
+                                              double not_doubted) {
+  const auto channels = static_cast<double>(data.columns.size());
+  // A degree shows in heights, and says nothing before these are known.
+  const PastSearch how{
+      .misfit = [&](const Past& past) { return misfit_over_range(models, data, choice, past); },
+      .degrees = !choice.heights_are_free,
+      .cycled_alone = choice.cycled_alone,
+      .not_seen = not_seen * not_seen * channels,
+      .level_gain = {},
+      .presumed = std::move(presumed),
+      .not_doubted = not_doubted * not_doubted * channels};
+  return likeliest_past(data.drive.time, data.drive.field, how);
+}
 
 }  // namespace
 
@@ -309,14 +300,18 @@ std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const Re
   out.reserve(data.size());
   for (const auto& d : data) out.push_back(d.header.past.known() ? d.header.past : d.past);
   const auto following = pasts_by_succession(data);
-  std::vector<std::size_t> first, later;  // of those that name none
+  std::vector<std::size_t> unknown;       // the recordings that name no past
+  std::vector<std::size_t> first, later;  // of these, which follow none, and which follow others
   for (std::size_t i = 0; i < data.size(); ++i)
-    if (!data[i].header.past.known()) (following[i].empty() ? first : later).push_back(i);
+    if (!data[i].header.past.known()) {
+      unknown.push_back(i);
+      (following[i].empty() ? first : later).push_back(i);
+    }
 
   const auto choose = [&](const std::vector<std::size_t>& which, const auto& presumed, double not_doubted) {
     tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t k) {
       const auto i = which[k];
-      if (const auto found = Judge(models, data[i], choice, presumed(i), not_doubted).likeliest())
+      if (const auto found = likeliest_over_range(models, data[i], choice, presumed(i), not_doubted))
         out[i] = found->past;
     });
   };
@@ -327,12 +322,9 @@ std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const Re
         first, [&](std::size_t) { return std::vector{*choice.presumed}; }, little);
     contradicted = std::ranges::any_of(first, [&](std::size_t i) { return out[i] != *choice.presumed; });
   }
-  if (contradicted)
-    choose(
-        first, [](std::size_t) { return std::vector<Past>(); }, 0);
-  // A model whose heights are not known yet says too little against what was measured.
+  // A model whose heights are not known yet says too little against what was measured before.
   choose(
-      later, [&](std::size_t i) { return following[i]; },
+      contradicted ? unknown : later, [&](std::size_t i) { return following[i]; },
       choice.heights_are_free ? std::numeric_limits<double>::infinity() : little);
   return out;
 }
