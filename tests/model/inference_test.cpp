@@ -53,6 +53,22 @@ TEST(RecordingDataOf, ALongRecordingIsThinnedAndHasItsMeansTakenOut) {
   EXPECT_LE(data.simplified.time.size(), data.drive.time.size());
 }
 
+// A tester reads its field with an error of some 0.5 %; a smooth field keeps its knots.
+TEST(RecordingDataOf, TheNoiseOfAFieldIsNotSimulatedCoarsely) {
+  auto r = measured_on(library_model("soft-pzt"), loop(), {.tolerance = 1e-3, .domains = 32});
+  const auto knots = [&] { return prepare(r).simplified.time.size(); };
+  const auto without = knots();
+  auto field = r.at(Channel::command);
+  for (std::size_t k = 0; k < field.size(); ++k) field[k] += (k % 2 == 0 ? 1 : -1) * 1e4;
+  r.set(Channel::command) = field;
+  EXPECT_LT(knots(), 2 * without);
+  for (std::size_t k = 0; k < field.size(); ++k) field[k] = 2e6 * std::sin(60 * r.time[k]);
+  r.set(Channel::command) = field;
+  const auto data = prepare(r);
+  EXPECT_GT(data.simplified.time.size(), 40U);
+  EXPECT_EQ(data.simplified.time, simplify(data.drive, 2e-3 * 2e6).time);
+}
+
 // Rosenbrock's valley: curved, and a hundred times steeper across than along.
 double valley(std::span<const double> u) {
   const double x = 4 * u[0] - 2, y = 4 * u[1] - 2;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -33,7 +34,8 @@ struct RecordingData {
   std::vector<double> time;  // s from the first sample, of the rows that take part
   std::vector<MeasuredColumn> columns;
   Drive drive;
-  Drive simplified;  // off the drive by 0.2 % of the largest field at most, for coarse simulations
+  // For coarse simulations: off the drive by 0.2 % of the largest field at most, by 1 % where it is noisy.
+  Drive simplified;
 
   // What was given and says nothing, a sentence each.
   std::vector<std::string> unused;
@@ -43,6 +45,9 @@ struct RecordingData {
 // that are not finite are gaps: no evidence of range or of misfit. The skew of a multiplexer is taken out
 // first. Throws Error(bad_recording) without a drive.
 RecordingData prepare(recordings::Recording recording);
+
+// How fast a field goes in the mean, V/m/s; 0 where nothing moves.
+double mean_pace(std::span<const double> time, std::span<const double> field);
 
 // The line through fewer knots that is nowhere off by more than `tolerance` [V/m] (Douglas and Peucker 1973).
 Drive simplify(const Drive& drive, double tolerance);

@@ -1,5 +1,5 @@
 // What the tables of one tester's file say of each other's past. They were measured on one specimen, one
-// after the other, so each begins in the state that those before it left. Between two of them testers often
+// after the other, so each begins in the state that those before it left. Before each of them testers often
 // cycle the specimen once through the program that comes next, and do not record it.
 #pragma once
 
@@ -11,14 +11,20 @@
 
 namespace ferrobench::model {
 
-// Of each recording, the pasts that the recordings before it leave open: with a cycle of its own program and
-// without, from each state that has a name, as nothing is known of the specimen before the first of them.
-// None where no recording is known to have come before. Recordings follow each other that an importer made of
-// one file's tables, in the order of these.
+// The tables of one file.
+struct Succession {
+  std::vector<std::size_t> recordings;  // in the order in which they were measured
+  // What is left open: whether each table was cycled before, and from which state that has a name the first
+  // of them began. The pasts of all tables under each of these hypotheses.
+  std::vector<std::vector<protocols::Past>> hypotheses;
+};
+
+// Recordings follow each other that an importer made of one file's tables, in the order of these.
 //
-// A past has the extreme levels of all recordings before. A loop that lies within a later one is left out, as
-// the later one wipes out what it left (Mayergoyz, "Mathematical Models of Hysteresis and Their
-// Applications", 2003, section 1.2), unless the later one was faster: switching takes time.
-std::vector<std::vector<protocols::Past>> pasts_by_succession(std::span<const RecordingData> recordings);
+// A past is the way through the programs of all tables before. One is left out where a later one wipes out
+// what it left (Mayergoyz, "Mathematical Models of Hysteresis and Their Applications", 2003, section 1.2).
+// Since switching takes time and cycles that are alike go on to change the specimen, it does that if it goes
+// well beyond the earlier one on both sides and is not much faster, or if many such programs go as far.
+std::vector<Succession> successions(std::span<const RecordingData> recordings);
 
 }  // namespace ferrobench::model

@@ -163,8 +163,8 @@ std::vector<std::string> past_lines(const Discovery& d) {
       out.push_back(fmt::format("Before {} it was likeliest {}.", p.recording, protocols::in_words(p.past)));
   if (std::ranges::any_of(d.pasts, [](const auto& p) { return p.chosen && p.past.levels.size() > 1; }))
     out.emplace_back(
-        "The levels are those of the earlier tables of the file and, where the specimen was cycled after "
-        "them, of the table's own program.");
+        "The levels are those of the earlier tables of the file, and of a cycle of each table's own program "
+        "before it where the specimen had one.");
   return out;
 }
 

@@ -85,13 +85,9 @@ void golden_section(double low, double high, int steps, At&& at) {
 // Of one recording. Its pace is the mean of how fast its field goes.
 class Search {
  public:
-  Search(std::span<const double> time, std::span<const double> field, const PastSearch& how) : how_(how) {
-    double path = 0;
-    for (std::size_t k = 0; k < field.size(); ++k) {
-      largest_ = std::max(largest_, std::abs(field[k]));
-      if (k > 0) path += std::abs(field[k] - field[k - 1]);
-    }
-    if (time.size() > 1) pace_ = path / (time.back() - time.front());
+  Search(std::span<const double> time, std::span<const double> field, const PastSearch& how)
+      : how_(how), pace_(mean_pace(time, field)) {
+    for (const double e : field) largest_ = std::max(largest_, std::abs(e));
   }
 
   std::optional<FoundPast> likeliest() {
@@ -225,7 +221,8 @@ class Search {
   }
 
   const PastSearch& how_;
-  double largest_ = 0, pace_ = 0;  // V/m, V/m/s
+  double largest_ = 0;  // V/m
+  double pace_;         // V/m/s
 };
 
 // A channel's part, over its range.
@@ -266,20 +263,57 @@ PastMisfit misfit_over_range(std::span<const Model> models, const RecordingData&
   return out;
 }
 
+double not_seen_of(const RecordingData& data) {
+  return not_seen * not_seen * static_cast<double>(data.columns.size());
+}
+
 std::optional<FoundPast> likeliest_over_range(std::span<const Model> models, const RecordingData& data,
                                               const PastChoice& choice, std::vector<Past> presumed,
                                               double not_doubted) {
-  const auto channels = static_cast<double>(data.columns.size());
   // A degree shows in heights, and says nothing before these are known.
   const PastSearch how{
       .misfit = [&](const Past& past) { return misfit_over_range(models, data, choice, past); },
       .degrees = !choice.heights_are_free,
       .cycled_alone = choice.cycled_alone,
-      .not_seen = not_seen * not_seen * channels,
+      .not_seen = not_seen_of(data),
       .level_gain = {},
       .presumed = std::move(presumed),
-      .not_doubted = not_doubted * not_doubted * channels};
+      .not_doubted = not_doubted * not_doubted * static_cast<double>(data.columns.size())};
   return likeliest_past(data.drive.time, data.drive.field, how);
+}
+
+// The pasts of a file's tables under the hypothesis that is likeliest for all of them together, by the sum of
+// n ln S over those that name no past.
+const std::vector<Past>& likeliest_hypothesis(const Succession& tables, std::span<const Model> models,
+                                              std::span<const RecordingData> data, const PastChoice& choice) {
+  const auto& all = tables.hypotheses;
+  std::vector<std::vector<double>> weighed(tables.recordings.size(), std::vector<double>(all.size(), 0));
+  tbb::parallel_for(std::size_t{0}, tables.recordings.size(), [&](std::size_t t) {
+    const auto& table = data[tables.recordings[t]];
+    if (table.header.past.known()) return;
+    std::vector<PastMisfit> misfits;
+    misfits.reserve(all.size());
+    for (const auto& pasts : all) misfits.push_back(misfit_over_range(models, table, choice, pasts[t]));
+    const double n = std::ranges::min_element(misfits, {}, &PastMisfit::squares)->independent;
+    for (std::size_t h = 0; h < all.size(); ++h)
+      weighed[t][h] = n * std::log(misfits[h].squares + not_seen_of(table));
+  });
+  std::vector<double> sum(all.size(), 0);
+  for (const auto& w : weighed)
+    for (std::size_t h = 0; h < all.size(); ++h) sum[h] += w[h];
+  return all[static_cast<std::size_t>(std::ranges::min_element(sum) - sum.begin())];
+}
+
+// Of each table of a file the past that those before it leave it; of other recordings none.
+std::vector<std::vector<Past>> presumed_pasts(std::span<const Model> models,
+                                              std::span<const RecordingData> data, const PastChoice& choice) {
+  std::vector<std::vector<Past>> out(data.size());
+  for (const auto& tables : successions(data)) {
+    const auto& pasts = likeliest_hypothesis(tables, models, data, choice);
+    for (std::size_t t = 0; t < pasts.size(); ++t)
+      if (pasts[t].known()) out[tables.recordings[t]] = {pasts[t]};
+  }
+  return out;
 }
 
 }  // namespace
@@ -299,13 +333,13 @@ std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const Re
   std::vector<Past> out;
   out.reserve(data.size());
   for (const auto& d : data) out.push_back(d.header.past.known() ? d.header.past : d.past);
-  const auto following = pasts_by_succession(data);
-  std::vector<std::size_t> unknown;       // the recordings that name no past
-  std::vector<std::size_t> first, later;  // of these, which follow none, and which follow others
+  const auto of_tables = presumed_pasts(models, data, choice);
+  std::vector<std::size_t> unknown;        // the recordings that name no past
+  std::vector<std::size_t> alone, tables;  // of these; tables of one file follow each other
   for (std::size_t i = 0; i < data.size(); ++i)
     if (!data[i].header.past.known()) {
       unknown.push_back(i);
-      (following[i].empty() ? first : later).push_back(i);
+      (of_tables[i].empty() ? alone : tables).push_back(i);
     }
 
   const auto choose = [&](const std::vector<std::size_t>& which, const auto& presumed, double not_doubted) {
@@ -317,14 +351,14 @@ std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const Re
   };
   bool contradicted = true;
   if (choice.presumed) {
-    for (const auto i : first) out[i] = *choice.presumed;
+    for (const auto i : alone) out[i] = *choice.presumed;
     choose(
-        first, [&](std::size_t) { return std::vector{*choice.presumed}; }, little);
-    contradicted = std::ranges::any_of(first, [&](std::size_t i) { return out[i] != *choice.presumed; });
+        alone, [&](std::size_t) { return std::vector{*choice.presumed}; }, little);
+    contradicted = std::ranges::any_of(alone, [&](std::size_t i) { return out[i] != *choice.presumed; });
   }
   // A model whose heights are not known yet says too little against what was measured before.
   choose(
-      contradicted ? unknown : later, [&](std::size_t i) { return following[i]; },
+      contradicted ? unknown : tables, [&](std::size_t i) { return of_tables[i]; },
       choice.heights_are_free ? std::numeric_limits<double>::infinity() : little);
   return out;
 }

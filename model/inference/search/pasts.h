@@ -11,9 +11,10 @@
 // n ln 2 more: where a model is wrong, a level that nobody set makes up for it. A degree of poling has not:
 // each specimen has one, and cycles that do not saturate it leave much of it.
 //
-// A recording that is known to have followed others (dataset/succession.h) has a past that they state. It is
-// presumed, and stands unless it leaves much where another one leaves less than half of its sum of squares: a
-// past that is free makes up for what the model misses, and one that was measured does not.
+// Tables of one file state each other's past (dataset/succession.h), but for the state before the first of
+// them, which is the one under which all of them are likeliest together. Such a past is presumed, and stands
+// unless it leaves much where another one leaves less than half of its sum of squares: a past that is free
+// makes up for what the model misses, and one that was measured does not.
 //
 // Near a start neither the polarization nor the strain is right yet, so the height of each channel is free;
 // the coercive fields and which way the first ramp goes tell the pasts apart all the same.

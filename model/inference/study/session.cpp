@@ -31,8 +31,13 @@ void choose_unknown_pasts(const Model& base, std::vector<NamedRecording>& record
 UnknownPasts unknown_pasts(Session& s) {
   std::vector<bool> unknown;
   for (const auto& p : s.out.pasts) unknown.push_back(p.chosen);
+  std::vector<std::vector<protocols::Past>> by_succession(s.data.size());
+  for (const auto& tables : successions(s.data))
+    for (const auto& pasts : tables.hypotheses)
+      for (std::size_t t = 0; t < pasts.size(); ++t)
+        if (pasts[t].known()) by_succession[tables.recordings[t]].push_back(pasts[t]);
   const auto tick = [&s](const std::string& stage) { s.tick(stage, 0.01); };
-  return {s.bench,       s.noise,   s.train, std::move(unknown), pasts_by_succession(s.data),
+  return {s.bench,       s.noise,   s.train, std::move(unknown), std::move(by_succession),
           s.watched({}), s.threads, tick};
 }
 
