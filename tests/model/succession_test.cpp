@@ -88,6 +88,16 @@ TEST(Succession, IsTheWayThroughAllThatWasNotWipedOut) {
       (std::vector<double>{1.6e6, -1.6e6, 0, 1.6e6, -1.6e6, 0, 8e5, -8e5, 0, 8e5, -8e5, 0, 9e5, -9e5, 0}));
 }
 
+TEST(Succession, BeginsAnewWhereARecordingSaysWhatWasBefore) {
+  auto recordings = tables(rising);
+  recordings[1].header.past = {PastKind::poled_minus};
+  const auto found = successions(prepared(recordings));
+  for (const auto& pasts : found[0].hypotheses) EXPECT_EQ(pasts[1], Past{PastKind::poled_minus});
+  const auto& next = found[0].hypotheses[from_unpoled][2];
+  EXPECT_EQ(next.from, FirstState::poled_minus);
+  EXPECT_EQ(fields(next), (std::vector<double>{6e5, -6e5, 0}));
+}
+
 // A tester measures its field, with noise that turns around at every sample.
 TEST(Succession, HasNoLevelsOfNoise) {
   auto recordings = tables(rising);

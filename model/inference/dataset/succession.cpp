@@ -17,8 +17,8 @@ using protocols::VisitedLevel;
 constexpr double same_level = 0.02;
 // A program wipes out one that reaches less far on both sides by this share of its span, or the last of which
 // so many go as far, if it is no more than so many times as fast. On the loops of a real ceramic that leaves
-// what comes next as the whole past does, within 0.05 % of the charge's range and 0.4 % of the
-// displacement's; half of the margin is 0.7 and 6 % off, half as many programs are 1.3 and 5 %.
+// what comes next as the whole past does, within 0.3 % of the charge's range and 0.4 % of the displacement's;
+// half of the margin is 0.7 and 6 % off, half as many programs are 1.3 and 5 %.
 constexpr double margin = 0.12;
 constexpr int as_many = 8;
 constexpr double as_fast = 3;
@@ -85,15 +85,22 @@ std::vector<VisitedLevel> way_through(std::span<const Pass> passes) {
   return out;
 }
 
-// The pasts of all tables, if each was cycled before, or if none was.
+// The pasts of all tables, if each was cycled before, or if none was. One whose recording says it is where
+// those of the tables after it begin.
 std::vector<Past> pasts_of(std::span<const RecordingData> recordings, const std::vector<std::size_t>& tables,
                            bool cycled, PastKind state) {
   std::vector<Past> out;
+  Past before{state};
   std::vector<Pass> passes;
   for (const auto table : tables) {
     const Pass own(recordings[table]);
-    if (cycled && own.moves()) passes.push_back(own);
-    out.push_back(protocols::and_then({state}, way_through(passes)));
+    if (const auto& said = recordings[table].header.past; said.known()) {
+      before = said;
+      passes.clear();
+    } else if (cycled && own.moves()) {
+      passes.push_back(own);
+    }
+    out.push_back(protocols::and_then(before, way_through(passes)));
     if (own.moves()) passes.push_back(own);
   }
   return out;
