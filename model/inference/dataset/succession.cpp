@@ -72,6 +72,11 @@ class Pass {
   double low_ = 0, high_ = 0, pace_ = 0;  // V/m, V/m, V/m/s
 };
 
+struct Table {
+  const Past& said;  // by its recording
+  Pass own;
+};
+
 bool is_wiped_out(const Pass& pass, std::span<const Pass> later) {
   return std::ranges::any_of(later, [&](const Pass& l) { return l.goes_beyond(pass, margin); }) ||
          std::ranges::count_if(later, [&](const Pass& l) { return l.goes_beyond(pass, -same_level); }) >=
@@ -87,14 +92,12 @@ std::vector<VisitedLevel> way_through(std::span<const Pass> passes) {
 
 // The pasts of all tables, if each was cycled before, or if none was. One whose recording says it is where
 // those of the tables after it begin.
-std::vector<Past> pasts_of(std::span<const RecordingData> recordings, const std::vector<std::size_t>& tables,
-                           bool cycled, PastKind state) {
+std::vector<Past> pasts_of(std::span<const Table> tables, bool cycled, PastKind state) {
   std::vector<Past> out;
   Past before{state};
   std::vector<Pass> passes;
-  for (const auto table : tables) {
-    const Pass own(recordings[table]);
-    if (const auto& said = recordings[table].header.past; said.known()) {
+  for (const auto& [said, own] : tables) {
+    if (said.known()) {
       before = said;
       passes.clear();
     } else if (cycled && own.moves()) {
@@ -124,10 +127,14 @@ std::vector<Succession> successions(std::span<const RecordingData> recordings) {
     of_this->recordings.push_back(i);
   }
   std::erase_if(out, [](const Succession& s) { return s.recordings.size() == 1; });
-  for (auto& s : out)
+  for (auto& s : out) {
+    std::vector<Table> of_file;
+    of_file.reserve(s.recordings.size());
+    for (const auto i : s.recordings) of_file.push_back({recordings[i].header.past, Pass(recordings[i])});
     for (const bool cycled : {true, false})
       for (const auto state : {PastKind::unpoled, PastKind::poled_minus, PastKind::poled_plus})
-        s.hypotheses.push_back(pasts_of(recordings, s.recordings, cycled, state));
+        s.hypotheses.push_back(pasts_of(of_file, cycled, state));
+  }
   return out;
 }
 

@@ -263,8 +263,9 @@ PastMisfit misfit_over_range(std::span<const Model> models, const RecordingData&
   return out;
 }
 
-double not_seen_of(const RecordingData& data) {
-  return not_seen * not_seen * static_cast<double>(data.columns.size());
+// The sum of squares where each channel is missed by so many percent of its range.
+double squares_missed(double percent, const RecordingData& data) {
+  return percent * percent * static_cast<double>(data.columns.size());
 }
 
 std::optional<FoundPast> likeliest_over_range(std::span<const Model> models, const RecordingData& data,
@@ -275,10 +276,10 @@ std::optional<FoundPast> likeliest_over_range(std::span<const Model> models, con
       .misfit = [&](const Past& past) { return misfit_over_range(models, data, choice, past); },
       .degrees = !choice.heights_are_free,
       .cycled_alone = choice.cycled_alone,
-      .not_seen = not_seen_of(data),
+      .not_seen = squares_missed(not_seen, data),
       .level_gain = {},
       .presumed = std::move(presumed),
-      .not_doubted = not_doubted * not_doubted * static_cast<double>(data.columns.size())};
+      .not_doubted = squares_missed(not_doubted, data)};
   return likeliest_past(data.drive.time, data.drive.field, how);
 }
 
@@ -296,7 +297,7 @@ const std::vector<Past>& likeliest_hypothesis(const Succession& tables, std::spa
     for (const auto& pasts : all) misfits.push_back(misfit_over_range(models, table, choice, pasts[t]));
     const double n = std::ranges::min_element(misfits, {}, &PastMisfit::squares)->independent;
     for (std::size_t h = 0; h < all.size(); ++h)
-      weighed[t][h] = n * std::log(misfits[h].squares + not_seen_of(table));
+      weighed[t][h] = n * std::log(misfits[h].squares + squares_missed(not_seen, table));
   });
   std::vector<double> sum(all.size(), 0);
   for (const auto& w : weighed)

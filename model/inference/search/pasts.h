@@ -12,9 +12,9 @@
 // each specimen has one, and cycles that do not saturate it leave much of it.
 //
 // Tables of one file state each other's past (dataset/succession.h), but for the state before the first of
-// them, which is the one under which all of them are likeliest together. Such a past is presumed, and stands
-// unless it leaves much where another one leaves less than half of its sum of squares: a past that is free
-// makes up for what the model misses, and one that was measured does not.
+// them and whether each was cycled before: those are taken under which all of them are likeliest together.
+// Such a past is presumed, and stands unless it leaves much where another one leaves less than half of its
+// sum of squares: a past that is free makes up for what the model misses, and one that was measured does not.
 //
 // Near a start neither the polarization nor the strain is right yet, so the height of each channel is free;
 // the coercive fields and which way the first ramp goes tell the pasts apart all the same.
