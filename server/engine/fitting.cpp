@@ -66,8 +66,9 @@ json fit_model(const FitRequest& request, const model::Model& start,
   // Tables are run on the virtual device, so what is fitted to them is what `table` will show.
   if (!request.tables.empty()) options.simulation = model::below_noise;
   if (stop) options.simulation.stop = &stop;
-  for (const auto& path : request.free) options.free.push_back(model::free_parameter(start, path));
-  if (options.free.empty()) options.free = model::default_free_parameters(start);
+  const auto evidence = model::evidence_of(residuals->recordings());
+  for (const auto& path : request.free) options.free.push_back(model::free_parameter(start, path, evidence));
+  if (options.free.empty()) options.free = model::default_free_parameters(start, evidence);
 
   const auto result = model::fit(start, *residuals, options);
   const auto& compared = result.residuals ? *result.residuals : *residuals;

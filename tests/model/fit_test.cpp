@@ -119,6 +119,45 @@ TEST(FitRanges, HoldTheShippedModels) {
   }
 }
 
+TEST(FitRanges, GoAlongWithTheFieldThatASpecimenWasDrivenTo) {
+  const auto m = library_model("soft-pzt-bulk");
+  const auto times = [&](double largest_field, std::string_view path) {
+    return free_parameter(m, path, {.largest_field = largest_field}).high / free_parameter(m, path).high;
+  };
+  // As far as bulk specimens are driven they are the same.
+  for (const auto* path : {"material.barrier", "polycrystal.bias_field", "polycrystal.interaction_field_std",
+                           "effects.mean_field_interaction.coefficient"}) {
+    EXPECT_EQ(times(2e6, path), 1) << path;
+    EXPECT_NEAR(times(15e6, path), 2 * times(7.5e6, path), 1e-12) << path;
+    EXPECT_GT(times(7.5e6, path), 2) << path;
+  }
+  EXPECT_EQ(times(15e6, "material.remanent_polarization"), 1);
+  EXPECT_EQ(times(15e6, "polycrystal.interaction_stress_std"), 1);
+  // Whatever the field, what a fit ends at is a specimen that switches.
+  auto highest = m;
+  highest.material.barrier = free_parameter(m, "material.barrier", {.largest_field = 1e9}).high;
+  EXPECT_TRUE(switches(highest));
+}
+
+TEST(FreeParameters, AreNoneOfTheStrainWhereNoneShows) {
+  const auto m = library_model("soft-pzt");
+  const auto frees = [&](const RecordingData& data, std::string_view path) {
+    const auto free = default_free_parameters(m, evidence_of({&data, 1}));
+    return std::ranges::find(free, path, &FreeParameter::path) != free.end();
+  };
+  auto data = prepare(measured_on(m, loop(), simulation));
+  data.header.load = {};
+  EXPECT_TRUE(frees(data, "material.remanent_strain_90"));
+  std::erase_if(data.columns, [](const auto& c) { return c.channel != recordings::Channel::charge; });
+  EXPECT_FALSE(frees(data, "material.remanent_strain_90"));
+  EXPECT_FALSE(frees(data, "material.compliance_180"));
+  EXPECT_TRUE(frees(data, "material.permittivity_90"));
+  EXPECT_TRUE(frees(data, "polycrystal.interaction_stress_std"));
+  // Under a spring the charge depends on how far the specimen goes.
+  data.header.load.spring_stiffness = 1e7;
+  EXPECT_TRUE(frees(data, "material.remanent_strain_90"));
+}
+
 constexpr double gap = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<double> residuals_of(const ResidualModel& target, const Model& m) {

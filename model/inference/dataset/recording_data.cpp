@@ -48,6 +48,25 @@ double mean_pace(std::span<const double> time, std::span<const double> field) {
   return path > 0 ? path / (time.back() - time.front()) : 0;
 }
 
+double largest_field(std::span<const double> field) {
+  double largest = 0;
+  for (const double e : field) largest = std::max(largest, std::abs(e));
+  return largest;
+}
+
+Evidence evidence_of(std::span<const RecordingData> recordings) {
+  Evidence out{.largest_field = 0, .shows_elasticity = recordings.empty()};
+  for (const auto& r : recordings) {
+    out.largest_field = std::max(out.largest_field, largest_field(r.drive.field));
+    const auto& load = r.header.load;
+    out.shows_elasticity = out.shows_elasticity || load.spring_stiffness != 0 || load.prestress != 0 ||
+                           std::ranges::any_of(r.columns, [](const MeasuredColumn& c) {
+                             return c.channel != recordings::Channel::charge;
+                           });
+  }
+  return out;
+}
+
 Drive simplify(const Drive& drive, double tolerance) {
   const auto& [t, e] = drive;
   std::vector<bool> keep(t.size(), false);
@@ -109,8 +128,7 @@ RecordingData prepare(recordings::Recording r) {
     out.drive.time.push_back(r.time[knot] - r.time.front());
     out.drive.field.push_back(field[knot]);
   }
-  double largest = 0;
-  for (const double e : field) largest = std::max(largest, std::abs(e));
+  const double largest = largest_field(field);
   out.simplified = simplify(out.drive, drive_tolerance * largest);
   if (auto smooth = simplify(out.drive, tolerance_of_noise * largest);
       fewer_without_noise * smooth.time.size() < out.simplified.time.size())

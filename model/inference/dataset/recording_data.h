@@ -48,6 +48,15 @@ RecordingData prepare(recordings::Recording recording);
 
 // How fast a field goes in the mean, V/m/s; 0 where nothing moves.
 double mean_pace(std::span<const double> time, std::span<const double> field);
+// The largest absolute value, V/m.
+double largest_field(std::span<const double> field);
+
+// What recordings can tell of a model's parameters.
+struct Evidence {
+  double largest_field = 0;      // V/m that the specimen was driven to; 0: not known
+  bool shows_elasticity = true;  // strain was measured, or a stress acts on what was
+};
+Evidence evidence_of(std::span<const RecordingData> recordings);
 
 // The line through fewer knots that is nowhere off by more than `tolerance` [V/m] (Douglas and Peucker 1973).
 Drive simplify(const Drive& drive, double tolerance);

@@ -45,9 +45,7 @@ bool same_file_and_specimen(const recordings::Header& a, const recordings::Heade
 class Pass {
  public:
   explicit Pass(const RecordingData& recording) {
-    double largest = 0;
-    for (const double field : recording.drive.field) largest = std::max(largest, std::abs(field));
-    drive_ = simplify(recording.drive, same_level * largest);
+    drive_ = simplify(recording.drive, same_level * largest_field(recording.drive.field));
     std::tie(low_, high_) = std::pair(std::ranges::min(drive_.field), std::ranges::max(drive_.field));
     pace_ = mean_pace(drive_.time, drive_.field);
   }

@@ -92,6 +92,17 @@ constexpr std::array ranges{NumberRange{"material.remanent_polarization", 0.1, 0
                             NumberRange{"load.spring_stiffness", 1e3, 1e9},
                             NumberRange{"load.prestress", 0, 1e8, false}};
 
+// V/m: bulk specimens are not driven farther, nor are the stages that are made of them. The coercive field of
+// films is ten times theirs and more (M. Dawber, K. M. Rabe and J. F. Scott, Rev. Mod. Phys. 77 (2005) 1083).
+constexpr double bulk_field = 3e6;
+// The highest barrier is then the one from which on nothing switches (no_switching).
+constexpr double most_above_bulk = 20;
+
+// Of a number that grows with the coercive field.
+bool is_field_or_energy(std::string_view unit) {
+  return unit == "V/m" || unit == "V m/C" || unit == "J/m^3";
+}
+
 }  // namespace
 
 double get_parameter(const Model& model, std::string_view path) {
@@ -152,9 +163,17 @@ std::string parameter_unit(std::string_view path) {
   return schema.contains(found) ? schema.at(found).get<std::string>() : "";
 }
 
-FreeParameter free_parameter(const Model& model, std::string_view path) {
+FreeParameter free_parameter(const Model& model, std::string_view path, const Evidence& evidence) {
+  const auto scaled = [&](FreeParameter p) {
+    const double times = std::min(evidence.largest_field / bulk_field, most_above_bulk);
+    if (times > 1 && is_field_or_energy(parameter_unit(path))) {
+      p.low *= times;
+      p.high *= times;
+    }
+    return p;
+  };
   if (const auto* r = std::ranges::find(ranges, path, &NumberRange::path); r != ranges.end())
-    return {std::string(path), r->low, r->high, r->logarithmic};
+    return scaled({std::string(path), r->low, r->high, r->logarithmic});
   if (path.starts_with("effects.")) {
     const auto rest = path.substr(8);
     const auto dot = rest.find('.');
@@ -162,7 +181,7 @@ FreeParameter free_parameter(const Model& model, std::string_view path) {
     if (dot != std::string_view::npos)
       for (const auto& p : effect.parameters)
         if (p.name == rest.substr(dot + 1))
-          return {std::string(path), p.any_sign ? -p.high : p.low, p.high, !p.any_sign && p.low > 0};
+          return scaled({std::string(path), p.any_sign ? -p.high : p.low, p.high, !p.any_sign && p.low > 0});
   }
   unknown(model, path);
 }
@@ -209,16 +228,19 @@ bool is_held(const Model& model, std::string_view path) {
          (path.starts_with("polycrystal.") || std::ranges::find(of_switching, path) != of_switching.end());
 }
 
-std::vector<FreeParameter> default_free_parameters(const Model& model) {
+std::vector<FreeParameter> default_free_parameters(const Model& model, const Evidence& evidence) {
+  constexpr std::array of_elasticity{"material.remanent_strain_90", "material.compliance_180",
+                                     "material.compliance_90", "material.piezoelectric_180"};
   std::vector<FreeParameter> out;
   for (const auto& path : parameter_paths(model)) {
     const bool wanted =
         path.starts_with("material.") || path.starts_with("polycrystal.") || path.starts_with("effects.");
     if (!wanted || is_held(model, path)) continue;
+    if (!evidence.shows_elasticity && std::ranges::find(of_elasticity, path) != of_elasticity.end()) continue;
     if (path.starts_with("polycrystal.") && path != "polycrystal.bias_field" &&
         get_parameter(model, path) == 0)
       continue;
-    out.push_back(free_parameter(model, path));
+    out.push_back(free_parameter(model, path, evidence));
   }
   return out;
 }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/inference/dataset/recording_data.h"
 #include "model/model.h"
 
 namespace ferrobench::model {
@@ -36,8 +37,10 @@ struct FreeParameter {
 };
 
 // The physical range of a model parameter: what a fit may do unless told otherwise. Ranges for PZT from the
-// literature's spread (soft and hard compositions, -20 to 100 degC), for effects from the catalogue.
-FreeParameter free_parameter(const Model& model, std::string_view path);
+// literature's spread (soft and hard compositions, -20 to 100 degC), for effects from the catalogue. They are
+// those of bulk specimens: where a specimen was driven farther than these are, as films are, what is a field
+// or an energy density has a range that is as many times higher.
+FreeParameter free_parameter(const Model& model, std::string_view path, const Evidence& evidence = {});
 
 // Between a parameter and its place u in its range: 0 at `low`, 1 at `high`, and in between linear in the
 // value or in its logarithm. A value outside the range goes to its nearer end.
@@ -56,6 +59,8 @@ bool is_held(const Model& model, std::string_view path);
 // Parameters that a fit frees if nothing is said: material and polycrystal without what no recording can tell
 // (temperature), and the parameters of the model's effects. Spreads that are zero stay so: switching one on
 // is an effect, not a fit. The bias field is free even at zero, for an amplifier's offset acts like one.
-std::vector<FreeParameter> default_free_parameters(const Model& model);
+// Where neither strain nor stress shows, what makes them is not free; the interaction stresses are, for the
+// charge depends on their product with the strain.
+std::vector<FreeParameter> default_free_parameters(const Model& model, const Evidence& evidence = {});
 
 }  // namespace ferrobench::model

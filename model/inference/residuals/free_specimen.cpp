@@ -16,14 +16,10 @@ namespace {
 
 using recordings::Channel;
 
-// Eliminated, or part of a group: all of them must be free.
-constexpr std::array grouped{"material.remanent_polarization",
-                             "material.remanent_strain_90",
-                             "material.permittivity_180",
-                             "material.permittivity_90",
-                             "material.piezoelectric_180",
-                             "material.activation_volume",
-                             "material.barrier"};
+// Eliminated, or part of a group: all of them must be free, those of the strain where that was measured.
+constexpr std::array grouped{"material.remanent_polarization", "material.permittivity_180",
+                             "material.permittivity_90", "material.activation_volume", "material.barrier"};
+constexpr std::array of_strain{"material.remanent_strain_90", "material.piezoelectric_180"};
 // Searched as they are, where they are free.
 constexpr std::array plain{"material.relaxation_time", "polycrystal.barrier_log_std",
                            "polycrystal.interaction_field_std", "polycrystal.bias_field"};
@@ -121,6 +117,8 @@ class FreeSpecimen final : public Separable {
  public:
   FreeSpecimen(Model model, const std::vector<FreeParameter>& free, const std::vector<RecordingData>& data)
       : base_(std::move(model)), data_(data) {
+    for (const auto* path : of_strain)
+      ranges_[path] = {get_parameter(base_, path), get_parameter(base_, path)};
     for (const auto& p : free) ranges_[p.path] = {p.low, p.high};
     // A nominal specimen: the kinetics depend on the groups alone.
     nominal_ = base_;
@@ -138,7 +136,7 @@ class FreeSpecimen final : public Separable {
       coordinates_.push_back(scaled(stress_spread, std::abs(nominal_.material.remanent_strain_90) / p));
     first_field_ = coordinates_.size();
     for (const auto& path : effect_paths(base_, true)) {
-      const auto r = free_parameter(base_, path);
+      const auto r = *std::ranges::find(free, path, &FreeParameter::path);
       coordinates_.push_back({path, r.low * p, r.high * p, r.logarithmic});
     }
     first_plain_ = coordinates_.size();
@@ -272,6 +270,11 @@ std::unique_ptr<Separable> free_specimen(const Model& model, const std::vector<F
     return nullptr;
   if (!std::ranges::all_of(grouped, is_free) || !std::ranges::all_of(effect_paths(model, true), is_free))
     return nullptr;
+  const auto measures_strain = [](const MeasuredColumn& c) { return c.channel == Channel::displacement; };
+  const bool strain_measured = std::ranges::any_of(
+      data, [&](const auto& d) { return std::ranges::any_of(d.columns, measures_strain); });
+  if (strain_measured && !std::ranges::all_of(of_strain, is_free)) return nullptr;
+  if (model.material.remanent_strain_90 == 0) return nullptr;  // a group has it in its denominator
   if (model.polycrystal.interaction_stress_std != 0 && !is_free(stress_spread)) return nullptr;
   if (std::ranges::any_of(data, [](const auto& d) { return d.header.load.spring_stiffness != 0; }))
     return nullptr;

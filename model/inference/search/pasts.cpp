@@ -86,9 +86,7 @@ void golden_section(double low, double high, int steps, At&& at) {
 class Search {
  public:
   Search(std::span<const double> time, std::span<const double> field, const PastSearch& how)
-      : how_(how), pace_(mean_pace(time, field)) {
-    for (const double e : field) largest_ = std::max(largest_, std::abs(e));
-  }
+      : how_(how), largest_(largest_field(field)), pace_(mean_pace(time, field)) {}
 
   std::optional<FoundPast> likeliest() {
     std::optional<FoundPast> presumed;
@@ -221,8 +219,8 @@ class Search {
   }
 
   const PastSearch& how_;
-  double largest_ = 0;  // V/m
-  double pace_;         // V/m/s
+  double largest_;  // V/m
+  double pace_;     // V/m/s
 };
 
 // A channel's part, over its range.

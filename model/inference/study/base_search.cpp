@@ -64,7 +64,7 @@ class BaseSearch {
   }
 
   bool is_separable(const Model& base) const {
-    return residuals_->separable(base, default_free_parameters(base)) != nullptr;
+    return residuals_->separable(base, free_of(base)) != nullptr;
   }
 
   std::vector<SearchedBase> run(std::vector<Begun> all) {
@@ -89,10 +89,13 @@ class BaseSearch {
   }
 
  private:
+  std::vector<FreeParameter> free_of(const Model& base) const {
+    return default_free_parameters(base, evidence_of(residuals_->recordings()));
+  }
   std::unique_ptr<GlobalStart> search(const Model& from) {
     return std::make_unique<GlobalStart>(
         from, *residuals_,
-        GlobalStartOptions{.free = default_free_parameters(from),
+        GlobalStartOptions{.free = free_of(from),
                            .fidelity = coarse_,
                            .first = {from},
                            .seed = options_.seed,
@@ -108,7 +111,7 @@ class BaseSearch {
 
   SearchedBase refine(const Begun& begun) const {
     FitOptions how;
-    how.free = default_free_parameters(*begun.model);
+    how.free = free_of(*begun.model);
     how.starts = 1;
     how.simulation = options_.simulation;
     how.simulation.domains = how.middle.domains;  // what is accepted is fitted again, more finely
