@@ -1,5 +1,7 @@
 #include "server/batch/work.h"
 
+#include <tbb/global_control.h>
+
 #include <algorithm>
 #include <boost/uuid/name_generator_sha1.hpp>
 #include <boost/uuid/uuid_io.hpp>
@@ -261,6 +263,9 @@ json asked_of(Kind kind, const Item& item) {
 void carry_out(Kind kind, const Item& item, int threads, const BatchFolder& folder) {
   const auto asked = asked_or_null(kind, item);
   json result;
+  // Whatever is done in parallel keeps to the threads of an item.
+  const tbb::global_control most_threads(tbb::global_control::max_allowed_parallelism,
+                                         static_cast<std::size_t>(std::max(1, threads)));
   try {
     Products products(folder, item.id);
     auto outcome = work_on(kind, item, asked.is_null() ? asked_of(kind, item) : asked, threads, products);

@@ -213,10 +213,12 @@ class FreeSpecimen final : public Separable {
   // False where the model could not be simulated.
   bool planes(const Model& m, double rho, const Fidelity& fidelity, Plane& charge,
               Plane& displacement) const {
-    for (const auto& d : data_) {
-      const auto specimen = model_for(m, d.header);
-      const auto s = simulate_recorded(specimen, d, fidelity);
+    const auto simulated = simulate_each_recorded(m, data_, fidelity);
+    for (std::size_t k = 0; k < data_.size(); ++k) {
+      const auto& d = data_[k];
+      const auto& s = simulated[k];
       if (!s) return false;
+      const auto specimen = model_for(m, d.header);
       const auto ninety = [&](std::size_t i) { return 1 - s->plus[i] - s->minus[i]; };
       const auto order = [&](std::size_t i) { return s->plus[i] - s->minus[i]; };
       const double plates = static_cast<double>(specimen.actuator.layer_count) * specimen.actuator.area;

@@ -6,7 +6,6 @@
 #include "model/inference/residuals/free_specimen.h"
 #include "model/inference/residuals/residual_model.h"
 #include "model/inference/residuals/separable.h"
-#include "model/on_recording.h"
 
 namespace ferrobench::model {
 namespace {
@@ -42,8 +41,10 @@ class RecordingResiduals final : public ResidualModel {
 
   std::vector<ComparedCurve> curves(const Model& model, const Fidelity& fidelity) const override {
     std::vector<ComparedCurve> out;
-    for (const auto& d : data_) {
-      const auto simulated = simulate_recorded(model_for(model, d.header), d, fidelity);
+    const auto all = simulate_each_recorded(model, data_, fidelity);
+    for (std::size_t i = 0; i < data_.size(); ++i) {
+      const auto& d = data_[i];
+      const auto& simulated = all[i];
       if (!simulated) throw_unsolvable();
       for (const auto& column : d.columns) {
         auto& curve = out.emplace_back();
@@ -105,8 +106,10 @@ class RecordingResiduals final : public ResidualModel {
         column_of.push_back(static_cast<Eigen::Index>(i));
       }
     std::size_t next = 0;
-    for (const auto& d : data_) {
-      const auto simulated = simulate_recorded(model_for(model, d.header), d, fidelity, moving);
+    const auto each = simulate_each_recorded(model, data_, fidelity, moving);
+    for (std::size_t i = 0; i < data_.size(); ++i) {
+      const auto& d = data_[i];
+      const auto& simulated = each[i];
       if (!simulated) return Solved::no;
       for (const auto& column : d.columns) {
         const auto& answer = simulated->at(column.channel);

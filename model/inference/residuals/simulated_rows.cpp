@@ -1,7 +1,10 @@
 #include "model/inference/residuals/simulated_rows.h"
 
+#include <tbb/parallel_for.h>
+
 #include <cmath>
 
+#include "model/on_recording.h"
 #include "model/past.h"
 #include "model/sensitivities.h"
 
@@ -69,6 +72,17 @@ std::optional<SimulatedRows> simulate_recorded(const Model& model, const Recordi
     if (e.code() == ErrorCode::numerical || e.code() == ErrorCode::bad_model) return std::nullopt;
     throw;
   }
+  return out;
+}
+
+std::vector<std::optional<SimulatedRows>> simulate_each_recorded(const Model& model,
+                                                                 std::span<const RecordingData> data,
+                                                                 const Fidelity& fidelity,
+                                                                 std::span<const std::string> parameters) {
+  std::vector<std::optional<SimulatedRows>> out(data.size());
+  tbb::parallel_for(std::size_t{0}, data.size(), [&](std::size_t i) {
+    out[i] = simulate_recorded(model_for(model, data[i].header), data[i], fidelity, parameters);
+  });
   return out;
 }
 

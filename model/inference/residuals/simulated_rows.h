@@ -27,6 +27,11 @@ std::optional<SimulatedRows> simulate_recorded(const Model& model, const Recordi
                                                std::span<const std::string> parameters = {},
                                                const protocols::Past* past = nullptr);
 
+// The same of each recording under its own specimen and load, several at a time.
+std::vector<std::optional<SimulatedRows>> simulate_each_recorded(
+    const Model& model, std::span<const RecordingData> data, const Fidelity& fidelity,
+    std::span<const std::string> parameters = {});
+
 // Times a difference in SI: percent of the range, or MeasuredColumn::error, over the root of the number of
 // rows.
 double residual_scale(const MeasuredColumn& column);
