@@ -132,11 +132,33 @@ TEST(FitRanges, GoAlongWithTheFieldThatASpecimenWasDrivenTo) {
     EXPECT_GT(times(7.5e6, path), 2) << path;
   }
   EXPECT_EQ(times(15e6, "material.remanent_polarization"), 1);
+  EXPECT_EQ(times(15e6, "material.permittivity_180"), 1);
+  const auto low = [&](double largest_field) {
+    return free_parameter(m, "material.permittivity_180", {.largest_field = largest_field}).low;
+  };
+  EXPECT_EQ(low(2e6), free_parameter(m, "material.permittivity_180").low);
+  EXPECT_LT(low(15e6), 2e-10);  // 16 and more times that of vacuum, as AlN has
   EXPECT_EQ(times(15e6, "polycrystal.interaction_stress_std"), 1);
   // Whatever the field, what a fit ends at is a specimen that switches.
   auto highest = m;
   highest.material.barrier = free_parameter(m, "material.barrier", {.largest_field = 1e9}).high;
   EXPECT_TRUE(switches(highest));
+}
+
+TEST(FitRanges, HoldThePolarizationThatTheChargeShows) {
+  const auto m = library_model("soft-pzt");
+  const auto highest = [&](double times) {
+    auto r = measured_on(m, loop(), simulation);
+    auto charge = r.at(Channel::charge);
+    for (double& q : charge) q *= times;
+    r.set(Channel::charge) = charge;
+    const auto data = prepare(std::move(r));
+    return free_parameter(m, "material.remanent_polarization", evidence_of({&data, 1})).high;
+  };
+  const double usual = free_parameter(m, "material.remanent_polarization").high;
+  EXPECT_EQ(highest(1), usual);
+  EXPECT_GT(highest(4), 4 * m.material.remanent_polarization);
+  EXPECT_LT(highest(4), 8 * m.material.remanent_polarization);
 }
 
 TEST(FreeParameters, AreNoneOfTheStrainWhereNoneShows) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 #include "model/on_recording.h"
 #include "model/simulator.h"
@@ -55,14 +56,17 @@ double largest_field(std::span<const double> field) {
 }
 
 Evidence evidence_of(std::span<const RecordingData> recordings) {
-  Evidence out{.largest_field = 0, .shows_elasticity = recordings.empty()};
+  Evidence out{.shows_elasticity = recordings.empty()};
   for (const auto& r : recordings) {
     out.largest_field = std::max(out.largest_field, largest_field(r.drive.field));
-    const auto& load = r.header.load;
-    out.shows_elasticity = out.shows_elasticity || load.spring_stiffness != 0 || load.prestress != 0 ||
-                           std::ranges::any_of(r.columns, [](const MeasuredColumn& c) {
-                             return c.channel != recordings::Channel::charge;
-                           });
+    const auto& [load, specimen] = std::tie(r.header.load, r.header.specimen);
+    out.shows_elasticity = out.shows_elasticity || load.spring_stiffness != 0 || load.prestress != 0;
+    const double electrodes = static_cast<double>(specimen.layer_count) * specimen.area;
+    for (const auto& column : r.columns)
+      if (column.channel == recordings::Channel::charge)
+        out.largest_polarization = std::max(out.largest_polarization, 0.5 * column.range / electrodes);
+      else
+        out.shows_elasticity = true;
   }
   return out;
 }

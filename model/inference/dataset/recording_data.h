@@ -53,8 +53,9 @@ double largest_field(std::span<const double> field);
 
 // What recordings can tell of a model's parameters.
 struct Evidence {
-  double largest_field = 0;      // V/m that the specimen was driven to; 0: not known
-  bool shows_elasticity = true;  // strain was measured, or a stress acts on what was
+  double largest_field = 0;         // V/m that the specimen was driven to; 0: not known
+  double largest_polarization = 0;  // C/m^2, half of the charge's range over the electrodes' area
+  bool shows_elasticity = true;     // strain was measured, or a stress acts on what was
 };
 Evidence evidence_of(std::span<const RecordingData> recordings);
 

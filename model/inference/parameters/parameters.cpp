@@ -96,11 +96,28 @@ constexpr std::array ranges{NumberRange{"material.remanent_polarization", 0.1, 0
 // films is ten times theirs and more (M. Dawber, K. M. Rabe and J. F. Scott, Rev. Mod. Phys. 77 (2005) 1083).
 constexpr double bulk_field = 3e6;
 // The highest barrier is then the one from which on nothing switches (no_switching).
-constexpr double most_above_bulk = 20;
+constexpr double most_above_bulk = 1000;
+// F/m: films are of other ferroelectrics as well, and those of HfO2 and AlN have a tenth of what PZT has.
+constexpr double least_permittivity_of_films = 1e-10;
+// Not all domains switch, so that P_r is more than half of what the polarization covers.
+constexpr double more_than_half_the_swing = 1.2;
 
 // Of a number that grows with the coercive field.
 bool is_field_or_energy(std::string_view unit) {
   return unit == "V/m" || unit == "V m/C" || unit == "J/m^3";
+}
+
+FreeParameter for_evidence(FreeParameter p, const Evidence& evidence) {
+  if (p.path == "material.remanent_polarization")
+    p.high = std::max(p.high, more_than_half_the_swing * evidence.largest_polarization);
+  const double times = std::min(evidence.largest_field / bulk_field, most_above_bulk);
+  if (times <= 1) return p;
+  if (p.path.starts_with("material.permittivity_")) p.low = least_permittivity_of_films;
+  if (is_field_or_energy(parameter_unit(p.path))) {
+    p.low *= times;
+    p.high *= times;
+  }
+  return p;
 }
 
 }  // namespace
@@ -164,16 +181,8 @@ std::string parameter_unit(std::string_view path) {
 }
 
 FreeParameter free_parameter(const Model& model, std::string_view path, const Evidence& evidence) {
-  const auto scaled = [&](FreeParameter p) {
-    const double times = std::min(evidence.largest_field / bulk_field, most_above_bulk);
-    if (times > 1 && is_field_or_energy(parameter_unit(path))) {
-      p.low *= times;
-      p.high *= times;
-    }
-    return p;
-  };
   if (const auto* r = std::ranges::find(ranges, path, &NumberRange::path); r != ranges.end())
-    return scaled({std::string(path), r->low, r->high, r->logarithmic});
+    return for_evidence({std::string(path), r->low, r->high, r->logarithmic}, evidence);
   if (path.starts_with("effects.")) {
     const auto rest = path.substr(8);
     const auto dot = rest.find('.');
@@ -181,7 +190,8 @@ FreeParameter free_parameter(const Model& model, std::string_view path, const Ev
     if (dot != std::string_view::npos)
       for (const auto& p : effect.parameters)
         if (p.name == rest.substr(dot + 1))
-          return scaled({std::string(path), p.any_sign ? -p.high : p.low, p.high, !p.any_sign && p.low > 0});
+          return for_evidence(
+              {std::string(path), p.any_sign ? -p.high : p.low, p.high, !p.any_sign && p.low > 0}, evidence);
   }
   unknown(model, path);
 }
@@ -202,9 +212,9 @@ double unit_slope(const FreeParameter& p, double u) {
   return p.logarithmic ? from_unit(p, u) * std::log(p.high / p.low) : p.high - p.low;
 }
 
-// J/m^3: with 0.3 C/m^2 the wells cross at 130 kV/mm, where every specimen has broken down. A fit may end at
+// J/m^3: with 1 C/m^2 the wells cross at 2,000 kV/mm, where every specimen has broken down. A fit may end at
 // its range's end, and a recalibration go on from there: that is a specimen that switches.
-constexpr double no_switching = 1e7;
+constexpr double no_switching = 5e8;
 
 bool switches(const Model& model) {
   return model.material.barrier <= no_switching;
