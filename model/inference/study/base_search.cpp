@@ -63,9 +63,7 @@ class BaseSearch {
     coarse_.coarse = true;
   }
 
-  bool is_separable(const Model& base) const {
-    return residuals_->separable(base, free_of(base)) != nullptr;
-  }
+  bool is_separable(const Model& base) const { return residuals_->separable(base, free_of(base)) != nullptr; }
 
   std::vector<SearchedBase> run(std::vector<Begun> all) {
     const auto most = refined + 1;
