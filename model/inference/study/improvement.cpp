@@ -17,7 +17,8 @@ namespace {
 constexpr double least_gain = 10;
 // Least share of the excess that an effect and a table must take away if they are added without a name. An
 // effect that takes less is no better than a table, and it shifts parameters that it has nothing to do with.
-// A table need not take much, but it must hold on the held-out recordings.
+// A table need not take much. On the held-out recordings, which may show little of what it does, it has to
+// take that much where noise is the only error, and must add nothing where the model has an error of its own.
 constexpr double least_share_of_effect = 0.15, least_share_of_table = 0.02;
 // Part of the material share that an effect must take in its first fit to be fitted to its end. The first fit
 // uses a model error that was estimated without the effect and is as large as what the effect explains; the
@@ -220,6 +221,7 @@ class Improver {
 
   void add_tables() {
     demanded_ = least_share_of_table;
+    if (!incumbent_.noise_is_only_error()) least_on_held_out_ = 0;
     auto ports = task_.tables;
     while (incumbent_.is_material() && add_empirical(ports)) {
     }
@@ -342,7 +344,8 @@ class Improver {
   }
 
   bool is_enough(const std::optional<Comparison>& trial) const {
-    return trial && trial->smaller_share() >= demanded_;
+    return trial && trial->share >= demanded_ &&
+           trial->share_held_out.value_or(1) >= std::min(demanded_, least_on_held_out_);
   }
 
   // Whether it takes away what is demanded on both sides; then it is taken.
@@ -377,7 +380,7 @@ class Improver {
   double searched_ = 0;     // share of the time that the search took
   double rounds_left_ = 1;  // share of the progress of effects that is left for more rounds
   int tables_tried_ = 0;
-  double demanded_ = 1;  // share that a term has to take away, on both sides
+  double demanded_ = 1, least_on_held_out_ = 1;  // shares that a term has to take away
   Improvement out_;
 };
 
