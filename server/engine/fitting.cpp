@@ -56,6 +56,7 @@ json fit_model(const FitRequest& request, const model::Model& start,
                const std::function<bool()>& stop) {
   if (request.calibrate) return calibrated(start, recordings);
   std::vector<model::NoiseByChannel> noise;
+  noise.reserve(recordings.size());
   for (const auto& r : recordings) noise.push_back(model::noise_of(r));
   const auto residuals = residuals_of(request, std::move(recordings));
   model::FitOptions options;
