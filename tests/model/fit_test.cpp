@@ -133,12 +133,15 @@ TEST(FitRanges, GoAlongWithTheFieldThatASpecimenWasDrivenTo) {
   }
   EXPECT_EQ(times(15e6, "material.remanent_polarization"), 1);
   EXPECT_EQ(times(15e6, "material.permittivity_180"), 1);
+  // A film of PZT has its permittivity, one of AlN, at ten times the field, 16 and more times that of vacuum.
   const auto low = [&](double largest_field) {
-    return free_parameter(m, "material.permittivity_180", {.largest_field = largest_field}).low;
+    return free_parameter(m, "material.permittivity_180",
+                          {.largest_field = largest_field, .largest_polarization = 0.4})
+        .low;
   };
   EXPECT_EQ(low(2e6), free_parameter(m, "material.permittivity_180").low);
-  EXPECT_LT(low(15e6), 2e-10);  // 16 and more times that of vacuum, as AlN has
-  EXPECT_EQ(times(15e6, "polycrystal.interaction_stress_std"), 1);
+  EXPECT_EQ(low(3e7), free_parameter(m, "material.permittivity_180").low);
+  EXPECT_LT(low(3e8), 1.5e-10);
   // Whatever the field, what a fit ends at is a specimen that switches.
   auto highest = m;
   highest.material.barrier = free_parameter(m, "material.barrier", {.largest_field = 1e9}).high;

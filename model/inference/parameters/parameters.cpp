@@ -97,8 +97,9 @@ constexpr std::array ranges{NumberRange{"material.remanent_polarization", 0.1, 0
 constexpr double bulk_field = 3e6;
 // The highest barrier is then the one from which on nothing switches (no_switching).
 constexpr double most_above_bulk = 1000;
-// F/m: films are of other ferroelectrics as well, and those of HfO2 and AlN have a tenth of what PZT has.
-constexpr double least_permittivity_of_films = 1e-10;
+// Films are of other ferroelectrics as well, and those of HfO2 and AlN have a tenth of PZT's permittivity: it
+// may be as low as what makes this share of the polarization at the largest field.
+constexpr double least_dielectric_share = 0.1;
 // Not all domains switch, so that P_r is more than half of what the polarization covers.
 constexpr double more_than_half_the_swing = 1.2;
 
@@ -110,9 +111,10 @@ bool is_field_or_energy(std::string_view unit) {
 FreeParameter for_evidence(FreeParameter p, const Evidence& evidence) {
   if (p.path == "material.remanent_polarization")
     p.high = std::max(p.high, more_than_half_the_swing * evidence.largest_polarization);
+  if (p.path.starts_with("material.permittivity_") && evidence.largest_polarization > 0)
+    p.low = std::min(p.low, least_dielectric_share * evidence.largest_polarization / evidence.largest_field);
   const double times = std::min(evidence.largest_field / bulk_field, most_above_bulk);
   if (times <= 1) return p;
-  if (p.path.starts_with("material.permittivity_")) p.low = least_permittivity_of_films;
   if (is_field_or_energy(parameter_unit(p.path))) {
     p.low *= times;
     p.high *= times;
