@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <tuple>
 
 #include "model/on_recording.h"
 #include "model/simulator.h"
@@ -59,7 +58,8 @@ Evidence evidence_of(std::span<const RecordingData> recordings) {
   Evidence out{.shows_elasticity = recordings.empty()};
   for (const auto& r : recordings) {
     out.largest_field = std::max(out.largest_field, largest_field(r.drive.field));
-    const auto& [load, specimen] = std::tie(r.header.load, r.header.specimen);
+    const auto& load = r.header.load;
+    const auto& specimen = r.header.specimen;
     out.shows_elasticity = out.shows_elasticity || load.spring_stiffness != 0 || load.prestress != 0;
     const double electrodes = static_cast<double>(specimen.layer_count) * specimen.area;
     for (const auto& column : r.columns)

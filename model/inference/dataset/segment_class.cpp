@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "model/inference/dataset/bench.h"
+#include "model/inference/dataset/recording_data.h"
 #include "model/on_recording.h"
 
 namespace ferrobench::model::inference {
@@ -19,8 +20,7 @@ struct Leg {
 // Ramps and holds; chords of a bent program that go on in the same direction make one ramp.
 std::vector<Leg> legs_of(const BenchRecording& r) {
   std::vector<Leg> out;
-  double largest = 1e-300;
-  for (const double e : r.knot_field) largest = std::max(largest, std::abs(e));
+  const double largest = std::max(1e-300, largest_field(r.knot_field));
   for (std::size_t k = 1; k < r.knot_time.size(); ++k) {
     const double span = r.knot_time[k] - r.knot_time[k - 1];
     const double change = r.knot_field[k] - r.knot_field[k - 1];

@@ -69,6 +69,12 @@ struct NumberRange {
   double low = 0, high = 0;
   bool logarithmic = true;
 };
+// J/m^3: with 1 C/m^2 the wells cross at 2,000 kV/mm, where every specimen has broken down. A fit may end at
+// its range's end, and a recalibration go on from there: that is a specimen that switches.
+constexpr double no_switching = 5e8;
+
+// J/m^3, of bulk specimens.
+constexpr double highest_barrier = 5e5;
 constexpr std::array ranges{NumberRange{"material.remanent_polarization", 0.1, 0.6},
                             NumberRange{"material.remanent_strain_90", -0.02, -0.0005},
                             NumberRange{"material.permittivity_180", 1e-9, 1e-7},
@@ -76,7 +82,7 @@ constexpr std::array ranges{NumberRange{"material.remanent_polarization", 0.1, 0
                             NumberRange{"material.compliance_180", 8e-12, 5e-11},
                             NumberRange{"material.compliance_90", 8e-12, 5e-11},
                             NumberRange{"material.piezoelectric_180", 1e-10, 1.2e-9},
-                            NumberRange{"material.barrier", 2e3, 5e5},
+                            NumberRange{"material.barrier", 2e3, highest_barrier},
                             NumberRange{"material.relaxation_time", 1e-12, 10},
                             NumberRange{"material.activation_volume", 1e-26, 1e-22},
                             NumberRange{"material.temperature", 253, 373, false},
@@ -95,8 +101,8 @@ constexpr std::array ranges{NumberRange{"material.remanent_polarization", 0.1, 0
 // V/m: bulk specimens are not driven farther, nor are the stages that are made of them. The coercive field of
 // films is ten times theirs and more (M. Dawber, K. M. Rabe and J. F. Scott, Rev. Mod. Phys. 77 (2005) 1083).
 constexpr double bulk_field = 3e6;
-// The highest barrier is then the one from which on nothing switches (no_switching).
-constexpr double most_above_bulk = 1000;
+// Beyond that a barrier would be one at which nothing switches.
+constexpr double most_above_bulk = no_switching / highest_barrier;
 // Films are of other ferroelectrics as well, and those of HfO2 and AlN have a tenth of PZT's permittivity: it
 // may be as low as what makes this share of the polarization at the largest field.
 constexpr double least_dielectric_share = 0.1;
@@ -114,8 +120,7 @@ FreeParameter for_evidence(FreeParameter p, const Evidence& evidence) {
   if (p.path.starts_with("material.permittivity_") && evidence.largest_polarization > 0)
     p.low = std::min(p.low, least_dielectric_share * evidence.largest_polarization / evidence.largest_field);
   const double times = std::min(evidence.largest_field / bulk_field, most_above_bulk);
-  if (times <= 1) return p;
-  if (is_field_or_energy(parameter_unit(p.path))) {
+  if (times > 1 && is_field_or_energy(parameter_unit(p.path))) {
     p.low *= times;
     p.high *= times;
   }
@@ -213,10 +218,6 @@ double from_unit(const FreeParameter& p, double u) {
 double unit_slope(const FreeParameter& p, double u) {
   return p.logarithmic ? from_unit(p, u) * std::log(p.high / p.low) : p.high - p.low;
 }
-
-// J/m^3: with 1 C/m^2 the wells cross at 2,000 kV/mm, where every specimen has broken down. A fit may end at
-// its range's end, and a recalibration go on from there: that is a specimen that switches.
-constexpr double no_switching = 5e8;
 
 bool switches(const Model& model) {
   return model.material.barrier <= no_switching;

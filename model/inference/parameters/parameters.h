@@ -39,8 +39,8 @@ struct FreeParameter {
 // The physical range of a model parameter: what a fit may do unless told otherwise. Ranges for PZT from the
 // literature's spread (soft and hard compositions, -20 to 100 degC), for effects from the catalogue. They are
 // those of bulk specimens: where a specimen was driven farther than these are, as films are, what is a field
-// or an energy density has a range that is as many times higher. What the recordings show of the polarization
-// is within its range.
+// or an energy density has a range that is as many times higher. Polarization and
+// permittivities may be what the charge shows.
 FreeParameter free_parameter(const Model& model, std::string_view path, const Evidence& evidence = {});
 
 // Between a parameter and its place u in its range: 0 at `low`, 1 at `high`, and in between linear in the

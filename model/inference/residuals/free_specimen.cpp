@@ -16,7 +16,7 @@ namespace {
 
 using recordings::Channel;
 
-// Eliminated, or part of a group: all of them must be free, those of the strain where that was measured.
+// Eliminated, or part of a group: all of them must be free, those of the strain where it shows.
 constexpr std::array grouped{"material.remanent_polarization", "material.permittivity_180",
                              "material.permittivity_90", "material.activation_volume", "material.barrier"};
 constexpr std::array of_strain{"material.remanent_strain_90", "material.piezoelectric_180"};
@@ -272,10 +272,7 @@ std::unique_ptr<Separable> free_specimen(const Model& model, const std::vector<F
     return nullptr;
   if (!std::ranges::all_of(grouped, is_free) || !std::ranges::all_of(effect_paths(model, true), is_free))
     return nullptr;
-  const auto measures_strain = [](const MeasuredColumn& c) { return c.channel == Channel::displacement; };
-  const bool strain_measured = std::ranges::any_of(
-      data, [&](const auto& d) { return std::ranges::any_of(d.columns, measures_strain); });
-  if (strain_measured && !std::ranges::all_of(of_strain, is_free)) return nullptr;
+  if (evidence_of(data).shows_elasticity && !std::ranges::all_of(of_strain, is_free)) return nullptr;
   if (model.material.remanent_strain_90 == 0) return nullptr;  // a group has it in its denominator
   if (model.polycrystal.interaction_stress_std != 0 && !is_free(stress_spread)) return nullptr;
   if (std::ranges::any_of(data, [](const auto& d) { return d.header.load.spring_stiffness != 0; }))

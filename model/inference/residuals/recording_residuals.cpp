@@ -6,6 +6,7 @@
 #include "model/inference/residuals/free_specimen.h"
 #include "model/inference/residuals/residual_model.h"
 #include "model/inference/residuals/separable.h"
+#include "model/inference/residuals/simulated_rows.h"
 
 namespace ferrobench::model {
 namespace {

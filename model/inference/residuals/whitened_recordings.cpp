@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "model/inference/common/parallel.h"
+#include "model/inference/dataset/recording_data.h"
 #include "model/inference/observation/tones.h"
 #include "model/past.h"
 
@@ -239,8 +240,8 @@ Eigen::MatrixXd WhitenedRecordings::past_jacobian(const Setting& setting, std::s
   };
   const auto stood = miss();
   Eigen::MatrixXd out(stood.size(), 2);
-  const double reach = std::ranges::max(r.knot_field, {}, [](double e) { return std::abs(e); });
-  level().field += std::copysign(level_step * std::abs(reach), level().field);
+  const double reach = largest_field(r.knot_field);
+  level().field += std::copysign(level_step * reach, level().field);
   out.col(0) = (miss() - stood) * (believed_level / level_step);
   r.header.past = given;
   level().seconds *= 1 + pace_step;

@@ -33,8 +33,7 @@ double largest_error(recordings::Channel channel, const std::vector<BenchRecordi
 
 double largest_field(const std::vector<BenchRecording>& bench) {
   double out = 0;
-  for (const auto& r : bench)
-    for (const double e : r.knot_field) out = std::max(out, std::abs(e));
+  for (const auto& r : bench) out = std::max(out, model::largest_field(r.knot_field));
   return out;
 }
 

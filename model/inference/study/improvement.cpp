@@ -108,7 +108,7 @@ class Improver {
 
   void name() {
     auto remaining = task_.candidates;
-    demanded_ = task_.selection.material_share;
+    demanded_ = demanded_held_out_ = task_.selection.material_share;
     while (all_take_material_shares() && out_.added.size() < most_named && incumbent_.is_material() &&
            name_effect(remaining)) {
     }
@@ -128,7 +128,7 @@ class Improver {
     stand_as_base();
     auto remaining = task_.candidates;
     remaining.insert(remaining.end(), task_.corrections.begin(), task_.corrections.end());
-    demanded_ = least_share_of_effect;
+    demanded_ = demanded_held_out_ = least_share_of_effect;
     search_again(remaining);
     const auto is_worth_more = [this] {
       return incumbent_.noise_is_only_error() || incumbent_.is_material();
@@ -142,7 +142,7 @@ class Improver {
   void narrow_beside_names() {
     incumbent_.settle_with_trusted_instruments();
     auto remaining = task_.corrections;
-    demanded_ = least_share_of_effect;
+    demanded_ = demanded_held_out_ = least_share_of_effect;
     while (incumbent_.is_material() && add_effect(remaining)) {
     }
   }
@@ -221,7 +221,7 @@ class Improver {
 
   void add_tables() {
     demanded_ = least_share_of_table;
-    if (!incumbent_.noise_is_only_error()) least_on_held_out_ = 0;
+    demanded_held_out_ = incumbent_.noise_is_only_error() ? least_share_of_table : 0;
     auto ports = task_.tables;
     while (incumbent_.is_material() && add_empirical(ports)) {
     }
@@ -345,7 +345,7 @@ class Improver {
 
   bool is_enough(const std::optional<Comparison>& trial) const {
     return trial && trial->share >= demanded_ &&
-           trial->share_held_out.value_or(1) >= std::min(demanded_, least_on_held_out_);
+           trial->share_held_out.value_or(demanded_held_out_) >= demanded_held_out_;
   }
 
   // Whether it takes away what is demanded on both sides; then it is taken.
@@ -380,7 +380,7 @@ class Improver {
   double searched_ = 0;     // share of the time that the search took
   double rounds_left_ = 1;  // share of the progress of effects that is left for more rounds
   int tables_tried_ = 0;
-  double demanded_ = 1, least_on_held_out_ = 1;  // shares that a term has to take away
+  double demanded_ = 1, demanded_held_out_ = 1;  // shares that a term has to take away, on either side
   Improvement out_;
 };
 
