@@ -23,7 +23,7 @@ inline constexpr std::size_t segment_class_count = 7;
 std::string_view segment_class_name(SegmentClass segment);
 
 struct BenchRecording;
-// Puts each row into its class, by the drive and by where the model, so simulated, switches.
-void classify_segments(BenchRecording& recording, const Model& model, const SimulationOptions& simulation);
+// Puts each row into its class, by the drive and by where the model, simulated `roughly`, switches.
+void classify_segments(BenchRecording& recording, const Model& model, const SimulationOptions& roughly);
 
 }  // namespace ferrobench::model::inference
