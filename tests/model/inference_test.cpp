@@ -16,6 +16,7 @@
 #include "model/inference/solver/covariance.h"
 #include "model/inference/solver/gauss_newton.h"
 #include "model/inference/solver/least_squares.h"
+#include "model/inference/solver/multifidelity.h"
 #include "model/inference/study/base_search.h"
 #include "model/inference/study/fit.h"
 #include "recordings/exchange/import.h"
@@ -190,14 +191,14 @@ TEST(BoundedMinimum, IsTheLeastOfAllActiveSets) {
 // of a simulation's steps is; and what no gain takes up.
 class GrainyLine final : public inference::WhitenedResiduals {
  public:
-  explicit GrainyLine(double grain) : WhitenedResiduals({}, 1), grain_(grain) {
+  explicit GrainyLine(double grain, double steepness = 1) : WhitenedResiduals({}, 1), grain_(grain) {
     std::mt19937_64 random(1);
     std::normal_distribution<double> normal;
     size_ = 400;
     samples_ = 400;
     jacobian_.resize(size_, 2);
     rest_.resize(size_);
-    for (double& v : jacobian_.reshaped()) v = 10 * normal(random);
+    for (double& v : jacobian_.reshaped()) v = 10 * steepness * normal(random);
     for (double& v : rest_) v = normal(random);
   }
   static inference::Hypothesis hypothesis() {
@@ -251,6 +252,19 @@ TEST(Minimize, EndsWhereTheErrorOfTheSimulationHidesTheMinimum) {
   // The error adds 1 by its squares, and 2 in one standard deviation by its product with the residual.
   EXPECT_NEAR(fit.squares, grainy.least(), 8);
   EXPECT_LT(grainy.asked, 16) << fit.squares;
+}
+
+// By slopes that are a fifth of the fine simulation's every step leads five times too far.
+TEST(Minimize, GoesAPartOfTheWayWhereTheCoarseSimulationLeadsTooFar) {
+  const GrainyLine coarse(0), fine(0, 5);
+  inference::Fit fit;
+  fit.hypothesis = GrainyLine::hypothesis();
+  fit.z = Eigen::Vector2d(-1, 1);
+  inference::apply_fidelity_correction(coarse, fine, fit);
+  const double begun = fit.squares;
+  EXPECT_GT(begun, 100 * fine.least());
+  inference::minimize_corrected(coarse, fine, fit, {.enough = 1e-6, .tick = {}});
+  EXPECT_LT(fit.squares, 1.2 * fine.least());
 }
 
 TEST(LeastSquares, SlopesAreThoseOfTheFunction) {

@@ -21,6 +21,11 @@ constexpr int cheaper = 4;
 constexpr double hardly_damped = 1e-7;
 // A round that gains less than this, or than this share of the sum of squares, was the last one.
 constexpr double last_gain = 5, last_share = 1e-3;
+// Where the coarse minimum lies so far from where the correction was made that the fine simulation gains
+// nothing there, this part of the way is gone, and that part of it once more: at the place of the correction
+// both simulations agree.
+constexpr double part_of_way = 0.25;
+constexpr int most_shortened = 2;
 
 // Root mean square of weighed residuals, by the rows that are independent of each other.
 double root_mean_square(double squares, const WhitenedResiduals& residuals) {
@@ -149,12 +154,20 @@ void advance_to_the_end(Fit& fit, const Next& next) {
   }
 }
 
-// The next minimum of the coarse simulation, with the correction that the fit has. Its residual is that of
-// the fine simulation.
+// The next minimum of the coarse simulation, with the correction that the fit has, or a place on the way to
+// it (a trust region's step: Alexandrov et al.). Its residual is that of the fine simulation.
 Fit next_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, const Fit& fit,
                    const SolverOptions& options) {
   auto out = minimize(coarse, fit, options);
+  const double promised = fit.squares - out.squares;
+  Eigen::VectorXd way = out.z - fit.z;
   apply_fidelity_correction(coarse, fine, out);
+  for (int i = 0; i < most_shortened && promised > last_gain && out.squares >= fit.squares; ++i) {
+    way *= part_of_way;
+    out.z = fit.z + way;
+    out.fresh = false;
+    apply_fidelity_correction(coarse, fine, out);
+  }
   return out;
 }
 
