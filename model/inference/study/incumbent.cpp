@@ -27,14 +27,17 @@ constexpr double most_lost_beside_sensor = 0.15;
 // likelihood. Of a leakage that left 28 times the noise, a round halved what was left.
 constexpr int most_rounds_of_error = 8;
 constexpr double least_gain_of_round = 10;
+// The coarse simulation to begin with; finer ones are chosen where it is not fine enough.
+constexpr SimulationOptions cheapest{.tolerance = 1e-4, .domains = 250};
 
-HypothesisPoint fitted_from(HypothesisPoint at, const WhitenedRecordings& coarse,
-                            const WhitenedRecordings& fine, const SolverOptions& options) {
-  Fit fit;
-  fit.hypothesis = std::move(at.hypothesis);
-  fit.z = std::move(at.z);
-  minimize_corrected(coarse, fine, fit, options);
-  return {std::move(fit.hypothesis), std::move(fit.z)};
+// Makes the fine simulation fine enough at a place, and the coarse one unless it is. Returns the fine one's
+// residuals there.
+Eigen::VectorXd make_fine_enough(WhitenedRecordings& coarse, WhitenedRecordings& fine,
+                                 const HypothesisPoint& at, int most_domains) {
+  auto exact = converge_fine_fidelity(fine, at.hypothesis, at.z, most_domains).residual;
+  if (coarse_error_at(coarse, exact, at.hypothesis, at.z) > coarse_error_beside_model_error)
+    choose_coarse_fidelity(coarse, fine, exact, at.hypothesis, at.z, coarse_error_beside_model_error);
+  return exact;
 }
 
 }  // namespace
@@ -42,6 +45,8 @@ HypothesisPoint fitted_from(HypothesisPoint at, const WhitenedRecordings& coarse
 Incumbent::Incumbent(const ImprovementTask& task, const Fit& base, Tick tick)
     : task_(task), tick_(std::move(tick)), noise_(*task.noise), at_{base.hypothesis, base.z}, fit_(base) {
   at_.hypothesis.reach = 1;
+  coarse_.tolerance = cheapest.tolerance;
+  coarse_.domains = cheapest.domains;
   if (!noise_is_only_error()) simulation_.domains = std::min(simulation_.domains, least_fine_domains);
 }
 
@@ -145,16 +150,27 @@ HypothesisPoint Incumbent::fitted_beside_its_own_error(HypothesisPoint trial) co
     auto training = miss(trial, task_.train);
     if (log_likelihood_ratio_beside_error(errors, before, training, task_.train) < least_gain_of_round) break;
     estimate_errors(training, miss(trial, task_.held_out), errors);
-    const WhitenedRecordings residuals(*task_.bench, errors, task_.train, coarse_, task_.threads),
-        fine(*task_.bench, errors, task_.train, simulation_, task_.threads);
-    trial = fitted_from(std::move(trial), residuals, fine, solver(12, "fitting beside the model's error"));
+    trial = fitted_beside(errors, std::move(trial), solver(12, "fitting beside the model's error"));
     before = std::move(training);
   }
   return trial;
 }
 
 HypothesisPoint Incumbent::fitted(HypothesisPoint at, const SolverOptions& options) const {
-  return fitted_from(std::move(at), *residuals_, *fine_, options);
+  return fitted_beside(noise_, std::move(at), options);
+}
+
+// By simulations that are fine enough there: what serves the incumbent may be nothing but grain elsewhere.
+HypothesisPoint Incumbent::fitted_beside(const std::vector<std::vector<NoiseModel>>& errors,
+                                         HypothesisPoint at, const SolverOptions& options) const {
+  WhitenedRecordings coarse(*task_.bench, errors, task_.train, coarse_, task_.threads),
+      fine(*task_.bench, errors, task_.train, simulation_, task_.threads);
+  make_fine_enough(coarse, fine, at, task_.simulation.domains);
+  Fit fit;
+  fit.hypothesis = std::move(at.hypothesis);
+  fit.z = std::move(at.z);
+  minimize_corrected(coarse, fine, fit, options);
+  return {std::move(fit.hypothesis), std::move(fit.z)};
 }
 
 bool Incumbent::is_gross(const HypothesisPoint& at) const {
@@ -231,17 +247,12 @@ void Incumbent::move(Fit to) {
 // The residuals beside the model's error, by simulations that are fine enough where the model stands now.
 // Returns the fidelity correction there.
 Eigen::VectorXd Incumbent::weigh_rows() {
-  const bool first = residuals_ == nullptr;
   residuals_ =
       std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
   fine_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, simulation_, task_.threads);
-  const auto exact = converge_fine_fidelity(*fine_, at_.hypothesis, at_.z, task_.simulation.domains).residual;
+  const auto exact = make_fine_enough(*residuals_, *fine_, at_, task_.simulation.domains);
   simulation_ = fine_->simulation();
-  if (first || coarse_error_at(*residuals_, exact, at_.hypothesis, at_.z) > coarse_error_beside_model_error) {
-    choose_coarse_fidelity(*residuals_, *fine_, exact, at_.hypothesis, at_.z,
-                           coarse_error_beside_model_error);
-    coarse_ = residuals_->simulation();
-  }
+  coarse_ = residuals_->simulation();
   return exact - residuals_->evaluate(at_.hypothesis, at_.z);
 }
 

@@ -89,6 +89,8 @@ class Incumbent {
                        std::vector<std::vector<NoiseModel>>& errors) const;
   void look();
   void stand(HypothesisPoint at, Signals training, Signals held_out);
+  HypothesisPoint fitted_beside(const std::vector<std::vector<NoiseModel>>& errors, HypothesisPoint at,
+                                const SolverOptions& options) const;
   Fit refitted() const;
   bool refit();
   void move(Fit to);
