@@ -18,6 +18,11 @@ constexpr double least_error = 1e-5;  // of the range: the likelihood needs one 
 // outweigh the others.
 constexpr double least_of_median = 0.5;
 
+// Between what one channel of one recording says of the error and what is usual of the channel.
+double pooled(double own, double usual) {
+  return std::sqrt(own * usual);
+}
+
 }  // namespace
 
 void estimate_model_errors(const std::vector<BenchRecording>& bench, const Signals& standardized,
@@ -40,9 +45,9 @@ void estimate_model_errors(const std::vector<BenchRecording>& bench, const Signa
   for (const std::size_t r : recordings)
     for (std::size_t c = 0; c < noise[r].size(); ++c) {
       const auto& m = bench[r].channels[c];
-      const double usual = ferrobench::recordings::median(of_range.at(m.channel));
+      const double usual = m.range * ferrobench::recordings::median(of_range.at(m.channel));
       noise[r][c].model_error =
-          std::max({noise[r][c].model_error, least_of_median * usual * m.range, least_error * m.range});
+          std::max({pooled(noise[r][c].model_error, usual), least_of_median * usual, least_error * m.range});
     }
 }
 

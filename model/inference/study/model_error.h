@@ -11,9 +11,11 @@ namespace ferrobench::model::inference {
 
 // Puts the error and the rows that count as one into `noise`, by the misses `standardized` (measured less
 // simulated, over noise) of `recordings`. A model that is wrong is not equally wrong everywhere, so each
-// channel of each recording has an error of its own: what noise leaves of its mean square. Else the few that
-// cannot be explained at all would bend the parameters for all others. None is smaller than half of the
-// channel's median over the range.
+// channel of each recording has an error of its own, what noise leaves of its mean square. Else the few that
+// cannot be explained at all would bend the parameters for all others. Such an error is known by few
+// independent rows, and beside errors that are free a fit gives some recordings up for the sake of others: it
+// is pooled with the channel's median over the range, by their geometric mean, and none is smaller than half
+// of that median.
 void estimate_model_errors(const std::vector<BenchRecording>& bench, const Signals& standardized,
                            const std::vector<std::size_t>& recordings,
                            std::vector<std::vector<NoiseModel>>& noise);
