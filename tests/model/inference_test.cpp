@@ -267,6 +267,24 @@ TEST(Minimize, GoesAPartOfTheWayWhereTheCoarseSimulationLeadsTooFar) {
   EXPECT_LT(fit.squares, 1.2 * fine.least());
 }
 
+// The place stays, and so do the ends of ranges and what is known of instruments.
+TEST(ScaledParameters, WiderPriorsMoveNothing) {
+  auto wide = inference::base_hypothesis(library_model("soft-pzt"), {});
+  const auto narrow = wide;
+  Eigen::VectorXd z = Eigen::VectorXd::LinSpaced(static_cast<Eigen::Index>(wide.base_count), -2, 3);
+  const Eigen::VectorXd given = z;
+  inference::widen_priors(wide, z);
+  for (std::size_t i = 0; i < wide.base_count; ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const auto &a = narrow.parameters[i], &b = wide.parameters[i];
+    EXPECT_DOUBLE_EQ(b.value(z[k]), a.value(given[k])) << a.path;
+    EXPECT_DOUBLE_EQ(b.value(b.low), a.value(a.low)) << a.path;
+    EXPECT_DOUBLE_EQ(b.value(b.high), a.value(a.high)) << a.path;
+  }
+  EXPECT_NEAR(inference::prior_squares(wide, z) / inference::prior_squares(narrow, given),
+              std::pow(0.12 / 0.5, 2), 1e-12);
+}
+
 TEST(LeastSquares, SlopesAreThoseOfTheFunction) {
   const std::vector<double> at{0.25, 0.4};
   Eigen::VectorXd middle(20);

@@ -8,7 +8,8 @@
 namespace ferrobench::model::inference {
 namespace {
 
-constexpr double known_to = 0.12, factor_known_to = 0.05, gain_known_to = 0.03, offset_known_to = 0.03;
+constexpr double known_to = 0.12, known_to_if_wrong = 0.5, factor_known_to = 0.05, gain_known_to = 0.03,
+                 offset_known_to = 0.03;
 // Ends of the ranges, in prior standard deviations. The model may be that of another specimen. A gain that is
 // off by more than a sixth (5 times 3 %, in the logarithm), or a spring by more than a quarter (5 times 5 %),
 // is a fault of the bench: where the model's physics is wrong, a fit would go there to make up for it, and
@@ -132,6 +133,18 @@ Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>
   }
   out.base_count = out.parameters.size();
   return out;
+}
+
+void widen_priors(Hypothesis& h, Eigen::VectorXd& z) {
+  constexpr double wider = known_to_if_wrong / known_to;
+  for (std::size_t i = 0; i < h.base_count; ++i) {
+    auto& p = h.parameters[i];
+    if (!p.of_model()) continue;
+    p.scale *= wider;
+    p.low /= wider;
+    p.high /= wider;
+    z[static_cast<Eigen::Index>(i)] /= wider;
+  }
 }
 
 Hypothesis with_effect(const Hypothesis& h, const Effect& effect, const std::vector<double>& values) {

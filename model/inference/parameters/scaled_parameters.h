@@ -67,6 +67,11 @@ BenchRecording apply_setting(const Setting& setting, const BenchRecording& recor
 // The base model: material, polycrystal, passive layers and effects that it has, factors and gains.
 Hypothesis base_hypothesis(const Model& model, const std::vector<BenchRecording>& bench);
 
+// In a model that is wrong by much, the base's numbers make up for what it lacks, and what they were says
+// less of what they have to be: they are known to 50 %, at the place where they stand and within the same
+// ranges.
+void widen_priors(Hypothesis& hypothesis, Eigen::VectorXd& z);
+
 // With one more effect, standing at these values of its parameters; its parameters are the last ones.
 Hypothesis with_effect(const Hypothesis& hypothesis, const Effect& effect, const std::vector<double>& values);
 

@@ -124,7 +124,7 @@ class Improver {
   }
 
   void narrow() {
-    if (!incumbent_.noise_is_only_error()) incumbent_.settle_with_trusted_instruments();
+    if (!incumbent_.noise_is_only_error()) incumbent_.settle_with_free_base();
     stand_as_base();
     auto remaining = task_.candidates;
     remaining.insert(remaining.end(), task_.corrections.begin(), task_.corrections.end());
@@ -147,8 +147,8 @@ class Improver {
     }
   }
 
-  // From the whole range of the base's parameters. A better base alone takes its place; an effect beside it
-  // is named if it takes as much as one that is found otherwise.
+  // From the whole range of the base's parameters. A base alone claims nothing, and takes its place where it
+  // is likelier and holds; an effect beside it is named if it takes as much as one that is found otherwise.
   void search_again(std::vector<const Effect*>& remaining) {
     if (!task_.search_bases || !incumbent_.is_material()) return;
     const auto found = task_.search_bases(
@@ -158,13 +158,14 @@ class Improver {
     std::vector<TriedEffect> tried;
     auto before = incumbent_.pasts();
     for (const auto& searched : found) {
-      HypothesisPoint next = place_of(searched);
+      auto next = place_of(searched);
       const auto trial = fit_to_all(next);
       if (trial && searched.effect != nullptr) {
         const double gained = incumbent_.log_likelihood_ratio(*trial) -
                               bic_penalty({searched.effect}, incumbent_.residuals().samples());
         tried.push_back({searched.effect, gained, std::move(next), incumbent_.pasts()});
-      } else if (trial && trial->smaller_share() >= demanded_) {
+      } else if (trial && incumbent_.log_likelihood_ratio(*trial) >= least_gain &&
+                 trial->share_held_out.value_or(0) >= 0) {
         out_.searched = true;
         incumbent_.settle_at(std::move(next));
         stand_as_base();
@@ -213,6 +214,7 @@ class Improver {
     HypothesisPoint out{base_hypothesis(base, *task_.bench), {}};
     out.z = prior_mean(out.hypothesis);
     trust_instruments(out.hypothesis, out.z);
+    widen_priors(out.hypothesis, out.z);
     out.hypothesis.reach = incumbent_.at().hypothesis.reach;
     if (searched.effect != nullptr) out.hypothesis = with_effect(out.hypothesis, *searched.effect, values);
     out.z = prior_mean(out.hypothesis);
@@ -307,9 +309,7 @@ class Improver {
     return false;
   }
 
-  double penalty(const Effect& effect) const {
-    return bic_penalty({&effect}, incumbent_.residuals().samples());
-  }
+  double penalty(const Effect& e) const { return bic_penalty({&e}, incumbent_.residuals().samples()); }
 
   // The term at the port where the model becomes likeliest, if it holds on the held-out recordings. Only
   // terms that promise more than the best of those that are fitted are fitted as well.

@@ -205,6 +205,11 @@ void Incumbent::settle_with_trusted_instruments() {
   settle();
 }
 
+void Incumbent::settle_with_free_base() {
+  widen_priors(at_.hypothesis, at_.z);
+  settle_with_trusted_instruments();
+}
+
 // All together: what is usual of a channel cannot be said by the few that are held out.
 void Incumbent::estimate_errors(Signals training, const Signals& held_out,
                                 std::vector<std::vector<NoiseModel>>& errors) const {

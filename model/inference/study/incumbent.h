@@ -69,6 +69,8 @@ class Incumbent {
   void settle(int rounds = 2);
   void settle_at(HypothesisPoint next);
   void settle_with_trusted_instruments();
+  // And with the base's numbers as little known as those of a model that is wrong by much.
+  void settle_with_free_base();
   // Makes `next` the incumbent and refits all of its parameters. The refit is dropped if it raises the excess
   // of the training or of the held-out recordings by more than the share `most_lost`.
   void accept(HypothesisPoint next, Comparison trial);
