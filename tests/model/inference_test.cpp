@@ -267,9 +267,13 @@ TEST(Minimize, GoesAPartOfTheWayWhereTheCoarseSimulationLeadsTooFar) {
   EXPECT_LT(fit.squares, 1.2 * fine.least());
 }
 
-// The place stays, and so do the ends of ranges and what is known of instruments.
+// The place stays, and so do the ends of ranges and what is known of the load.
 TEST(ScaledParameters, WiderPriorsMoveNothing) {
-  auto wide = inference::base_hypothesis(library_model("soft-pzt"), {});
+  std::vector<inference::BenchRecording> bench(1);
+  bench.front().has_command = true;
+  bench.front().header.load.prestress = 1e6;
+  auto wide = inference::base_hypothesis(library_model("soft-pzt"), bench);
+  EXPECT_EQ(wide.parameters.back().path, "factor.prestress");
   const auto narrow = wide;
   Eigen::VectorXd z = Eigen::VectorXd::LinSpaced(static_cast<Eigen::Index>(wide.base_count), -2, 3);
   const Eigen::VectorXd given = z;
@@ -280,9 +284,12 @@ TEST(ScaledParameters, WiderPriorsMoveNothing) {
     EXPECT_DOUBLE_EQ(b.value(z[k]), a.value(given[k])) << a.path;
     EXPECT_DOUBLE_EQ(b.value(b.low), a.value(a.low)) << a.path;
     EXPECT_DOUBLE_EQ(b.value(b.high), a.value(a.high)) << a.path;
+    EXPECT_DOUBLE_EQ(z[k], (a.of_model() ? 0.12 / 0.5 : 1) * given[k]) << a.path;
   }
-  EXPECT_NEAR(inference::prior_squares(wide, z) / inference::prior_squares(narrow, given),
-              std::pow(0.12 / 0.5, 2), 1e-12);
+  const double of_load = std::pow(given[given.size() - 1], 2);
+  EXPECT_NEAR(
+      (inference::prior_squares(wide, z) - of_load) / (inference::prior_squares(narrow, given) - of_load),
+      std::pow(0.12 / 0.5, 2), 1e-12);
 }
 
 TEST(LeastSquares, SlopesAreThoseOfTheFunction) {

@@ -1,7 +1,8 @@
 // The numbers that a fit moves, on scales where 0 is what the given model says and 1 is one standard
 // deviation of what is known beforehand.
 //
-//   base parameters, effects that the model has already:   ln(value / given) = 0.12 z       (12 %)
+//   base parameters, effects that the model has already:   ln(value / given) = 0.12 z       (12 %;
+//     0.5 z once the model is wrong by much and nothing was named: widen_priors)
 //   factors on each recording's spring and prestress:      ln(factor) = 0.05 z
 //   gains of the channels:                                 ln(gain) = 0.03 z
 //   offset of the field, where it is the drive:            offset = 0.03 range z

@@ -54,9 +54,14 @@ void choose_coarse_fidelity(WhitenedResiduals& coarse, WhitenedResiduals& fine, 
     int count = 0;
     double tolerance = 0;
   };
-  constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4},
-                               Choice{1000, 1e-5}, Choice{2000, 1e-4}, Choice{2000, 1e-5},
-                               Choice{4000, 1e-4}, Choice{4000, 1e-5}};
+  constexpr std::array choices{Choice{cheapest_coarse.domains, cheapest_coarse.tolerance},
+                               Choice{500, 1e-4},
+                               Choice{1000, 1e-4},
+                               Choice{1000, 1e-5},
+                               Choice{2000, 1e-4},
+                               Choice{2000, 1e-5},
+                               Choice{4000, 1e-4},
+                               Choice{4000, 1e-5}};
   std::optional<SimulationOptions> chosen;
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
@@ -175,7 +180,12 @@ Fit next_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fin
 
 void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
                         const SolverOptions& options) {
-  apply_fidelity_correction(coarse, fine, fit);
+  minimize_corrected(coarse, fine, fine.evaluate(fit.hypothesis, fit.z), fit, options);
+}
+
+void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Eigen::VectorXd exact,
+                        Fit& fit, const SolverOptions& options) {
+  apply_fidelity_correction(coarse, std::move(exact), fit);
   advance_to_the_end(fit, [&](const Fit& from) { return next_corrected(coarse, fine, from, options); });
 }
 

@@ -16,6 +16,8 @@ namespace ferrobench::model::inference {
 inline constexpr double unnoticed_change = 12;
 // Nodes that a fine simulation has at least.
 inline constexpr int least_fine_domains = 1000;
+// The first of the coarse simulations among which one is chosen.
+inline constexpr SimulationOptions cheapest_coarse{.tolerance = 1e-4, .domains = 250};
 
 struct ConvergedFidelity {
   Eigen::VectorXd residual;  // by the fine simulation, at z
@@ -62,6 +64,9 @@ void apply_fidelity_correction(const WhitenedResiduals& coarse, const WhitenedRe
 // where each solution ends, until that gains nothing. The fit's residual is the fine simulation's then.
 void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Fit& fit,
                         const SolverOptions& options);
+// The same where it is known that the fine simulation gives `exact` at the fit's z.
+void minimize_corrected(const WhitenedResiduals& coarse, const WhitenedResiduals& fine, Eigen::VectorXd exact,
+                        Fit& fit, const SolverOptions& options);
 
 enum class LastSteps {
   cheap,  // by `last_steps` of the fine simulation

@@ -27,8 +27,6 @@ constexpr double most_lost_beside_sensor = 0.15;
 // likelihood. Of a leakage that left 28 times the noise, a round halved what was left.
 constexpr int most_rounds_of_error = 8;
 constexpr double least_gain_of_round = 10;
-// The coarse simulation to begin with; finer ones are chosen where it is not fine enough.
-constexpr SimulationOptions cheapest{.tolerance = 1e-4, .domains = 250};
 
 // Makes the fine simulation fine enough at a place, and the coarse one unless it is. Returns the fine one's
 // residuals there.
@@ -45,8 +43,8 @@ Eigen::VectorXd make_fine_enough(WhitenedRecordings& coarse, WhitenedRecordings&
 Incumbent::Incumbent(const ImprovementTask& task, const Fit& base, Tick tick)
     : task_(task), tick_(std::move(tick)), noise_(*task.noise), at_{base.hypothesis, base.z}, fit_(base) {
   at_.hypothesis.reach = 1;
-  coarse_.tolerance = cheapest.tolerance;
-  coarse_.domains = cheapest.domains;
+  coarse_.tolerance = cheapest_coarse.tolerance;
+  coarse_.domains = cheapest_coarse.domains;
   if (!noise_is_only_error()) simulation_.domains = std::min(simulation_.domains, least_fine_domains);
 }
 
@@ -165,11 +163,11 @@ HypothesisPoint Incumbent::fitted_beside(const std::vector<std::vector<NoiseMode
                                          HypothesisPoint at, const SolverOptions& options) const {
   WhitenedRecordings coarse(*task_.bench, errors, task_.train, coarse_, task_.threads),
       fine(*task_.bench, errors, task_.train, simulation_, task_.threads);
-  make_fine_enough(coarse, fine, at, task_.simulation.domains);
+  auto exact = make_fine_enough(coarse, fine, at, task_.simulation.domains);
   Fit fit;
   fit.hypothesis = std::move(at.hypothesis);
   fit.z = std::move(at.z);
-  minimize_corrected(coarse, fine, fit, options);
+  minimize_corrected(coarse, fine, std::move(exact), fit, options);
   return {std::move(fit.hypothesis), std::move(fit.z)};
 }
 
