@@ -93,23 +93,24 @@ std::pair<Eigen::VectorXd, double> with_error(WhitenedResiduals& fine, const Hyp
 }  // namespace
 
 ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                                         const Eigen::VectorXd& z, int most_domains) {
+                                         const Eigen::VectorXd& z, int most_domains, double most_error) {
   const bool anchored = fine.is_anchored();
+  const double enough = std::max(unnoticed_change, most_error * most_error * fine.samples());
   for (;;) {
     auto [residual, squares] = with_error(fine, hypothesis, z);
-    if (squares >= unnoticed_change && fine.is_anchored()) {
+    if (squares >= enough && fine.is_anchored()) {
       fine.release();
       continue;
     }
     auto simulation = fine.simulation();
-    if (squares < unnoticed_change || 2 * simulation.domains > most_domains) {
+    if (squares < enough || 2 * simulation.domains > most_domains) {
       if (anchored && !fine.is_anchored()) anchor_fine_fidelity(fine, hypothesis, z, residual);
       return {std::move(residual), root_mean_square(squares, fine)};
     }
     do {
       simulation.domains *= 2;
       squares /= squares_per_doubling;
-    } while (squares >= unnoticed_change && 2 * simulation.domains <= most_domains);
+    } while (squares >= enough && 2 * simulation.domains <= most_domains);
     fine.simulate_by(simulation);
   }
 }
