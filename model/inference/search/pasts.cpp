@@ -47,8 +47,6 @@ constexpr double not_seen = 0.5;
 // A presumed past that leaves less than this of each channel's range, in percent, is not doubted: what a
 // model misses for other reasons is no less, while a start from the wrong side leaves 20 or more.
 constexpr double little = 3;
-// The share of what the presumed past leaves that another one may leave to be believed.
-constexpr double much_less = 0.5;
 
 struct Hypothesis {
   Past past;
@@ -96,7 +94,8 @@ class Search {
         presumed = {past, misfit};
     if (presumed && presumed->misfit.squares <= how_.not_doubted) return presumed;
     const auto found = likeliest_of_all();
-    const bool stands = presumed && !(found && found->misfit.squares < much_less * presumed->misfit.squares);
+    const bool stands =
+        presumed && !(found && found->misfit.squares < most_left_by_another_past * presumed->misfit.squares);
     return stands ? presumed : found;
   }
 
@@ -167,7 +166,7 @@ class Search {
     const auto* best = &*std::ranges::min_element(all, {}, squares_of);
     if (!std::isfinite(best->misfit.squares)) return std::nullopt;
     const double n = best->misfit.independent;
-    const double of_level = how_.level_gain.value_or(-n * std::log(much_less));
+    const double of_level = how_.level_gain.value_or(-n * std::log(most_left_by_another_past));
     const auto found = std::ranges::min_element(all, {}, [&](const Hypothesis& h) {
       return n * std::log(h.misfit.squares + how_.not_seen) + h.numbers * std::log(n) +
              (h.has_level ? of_level : 0);
@@ -325,6 +324,12 @@ std::optional<FoundPast> likeliest_past(std::span<const double> time, std::span<
 FoundPast refined_past(std::span<const double> field, const Past& visit, const PastSearch& how) {
   const auto found = Search({}, field, how).with_pace({visit, how.misfit(visit)});
   return {found.past, found.misfit};
+}
+
+std::optional<Past> choose_past_alone(std::span<const Model> models, const RecordingData& data,
+                                      const PastChoice& choice) {
+  const auto found = likeliest_over_range(models, data, choice, {}, 0);
+  return found ? std::optional(found->past) : std::nullopt;
 }
 
 std::vector<Past> choose_pasts(std::span<const Model> models, std::span<const RecordingData> data,

@@ -88,5 +88,11 @@ struct PastChoice {
 // where none of the models can be simulated.
 std::vector<protocols::Past> choose_pasts(std::span<const Model> models, std::span<const RecordingData> data,
                                           const PastChoice& choice);
+// Of one recording, whatever others say of its past: another one than it follows from tables before it is
+// judged with numbers that were fitted beside it. None where none of the models can be simulated.
+std::optional<protocols::Past> choose_past_alone(std::span<const Model> models, const RecordingData& data,
+                                                 const PastChoice& choice);
+// The share of what a presumed past leaves of its recording that another one may leave to be believed.
+inline constexpr double most_left_by_another_past = 0.5;
 
 }  // namespace ferrobench::model

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <span>
@@ -28,6 +29,8 @@ const PastChoice likeliest_at_start{.fidelity = {}, .heights_are_free = true},
     cycled_at_start{.fidelity = {}, .heights_are_free = true, .cycled_alone = true};
 // Times that pasts are chosen anew near the optimum: each moves them less.
 constexpr int rounds = 3;
+// Recordings whose past is doubted, at most: each takes up to a solution.
+constexpr std::size_t most_doubted = 5;
 
 class Study {
  public:
@@ -65,6 +68,7 @@ class Study {
       if (options_.starts == 1) best = solve(best, middle_, options_.iterations);
       for (int round = 0; round < rounds && better_pasts(best, middle_, 1e-6); ++round) {
       }
+      doubt_presumed_pasts(best);
       best = solve(best, fine_, options_.iterations, 1e-4);
       better_pasts(best, fine_, 1e-4);
       given.residuals = best.residuals;
@@ -195,6 +199,57 @@ class Study {
     if (!(other.squares < best.squares)) return false;
     best = std::move(other);
     return true;
+  }
+
+  // The sum of squares of each recording; empty where the model cannot be simulated.
+  std::vector<double> squares_of_each(const FitCandidate& c) {
+    std::vector<double> rows(c.residuals->size()), out;
+    if (!function(*c.residuals, middle_)(c.at, rows)) return out;
+    auto part = c.residuals->parts().begin();  // one for each column of each recording
+    for (const auto& recording : c.residuals->recordings()) {
+      out.push_back(0);
+      for (std::size_t column = 0; column < recording.columns.size(); ++column, ++part)
+        out.back() += sum_of_squares(std::span(rows).subspan(part->first, part->count));
+    }
+    return out;
+  }
+
+  // A past that follows from the tables before is doubted where its recording is met worse than they are in
+  // the mean. The numbers were fitted to that past, and where they stand no other one is likelier, though
+  // others may lie far below: numbers that were fitted beside the other one are compared.
+  void doubt_presumed_pasts(FitCandidate& best) {
+    if (!chooses_) return;
+    const auto left = squares_of_each(best);
+    const auto recordings = best.residuals->recordings();
+    std::vector<std::size_t> doubted;
+    for (std::size_t i = 0; i < left.size(); ++i)
+      if (!recordings[i].header.past.known() && recordings[i].past.kind == protocols::PastKind::visited &&
+          left[i] * static_cast<double>(left.size()) > best.squares)
+        doubted.push_back(i);
+    std::ranges::sort(doubted, std::greater{}, [&](std::size_t i) { return left[i]; });
+    doubted.resize(std::min(doubted.size(), most_doubted));
+    for (const auto i : doubted)
+      if (auto other = under_another_past(best, i);
+          best.squares - other.squares > (1 - most_left_by_another_past) * left[i])
+        best = std::move(other);
+  }
+  // With the likeliest past of one recording, whatever the tables before it say.
+  FitCandidate under_another_past(const FitCandidate& best, std::size_t recording) {
+    auto out = best;
+    for (int i = 0; i < 2; ++i) {
+      const auto data = out.residuals->recordings();
+      const auto model = model_at(out.at);
+      const auto past = choose_past_alone({&model, 1}, data[recording],
+                                          {.fidelity = coarse_, .count = [this] { watch_.count(); }});
+      if (!past) return best;
+      std::vector<protocols::Past> pasts;
+      pasts.reserve(data.size());
+      for (const auto& d : data) pasts.push_back(d.past);
+      pasts[recording] = *past;
+      out.residuals = out.residuals->with_pasts(pasts);
+      out = solve(out, middle_, first_steps);
+    }
+    return out.squares < best.squares ? solve(out, middle_, options_.iterations) : out;
   }
 
   // From the given model and from what the data show, if that is more.

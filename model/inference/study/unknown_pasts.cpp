@@ -27,8 +27,6 @@ constexpr int most_rounds = 6;
 constexpr int rounds_of_origin = 3;
 // A round that gains less than this was the last one: half of what a level has to earn.
 constexpr double last_round_gain = 30;
-// The share of what the presumed pasts leave that others may leave to be believed.
-constexpr double much_less = 0.5;
 // -2 ln L that a free level has to earn, as an effect has to (selection/selection_options.h).
 constexpr double level_gain = 60;
 // Mean square of the residuals that no other past is asked to better: it is noise.
@@ -259,7 +257,8 @@ SettledPasts settle_pasts(const UnknownPasts& of, const Hypothesis& base) {
   if (found.fit().squares < by_presumed.fit().squares) {
     set_pasts(of, found.pasts());
     found.run();
-    if (found.fit().squares < much_less * by_presumed.fit().squares) return {false, found.fit().z};
+    if (found.fit().squares < most_left_by_another_past * by_presumed.fit().squares)
+      return {false, found.fit().z};
   }
   set_pasts(of, presumed);
   return {true, by_presumed.fit().z};
