@@ -241,7 +241,7 @@ class Study {
       const auto model = model_at(out.at);
       const auto past = choose_past_alone({&model, 1}, data[recording],
                                           {.fidelity = coarse_, .count = [this] { watch_.count(); }});
-      if (!past) return best;
+      if (!past || (i == 0 && *past == data[recording].past)) return best;
       std::vector<protocols::Past> pasts;
       pasts.reserve(data.size());
       for (const auto& d : data) pasts.push_back(d.past);

@@ -9,7 +9,8 @@
 //
 // A recording that does not say what its specimen had been through is given the likeliest past
 // (search/pasts.h): for the starts under the model given and what the loops show, then again under the best
-// that was found, until the pasts stay as they are. Their uncertainty is none of the parameters'.
+// that was found, until the pasts stay as they are. Pasts of tables that are met badly are doubted then, with
+// numbers that are fitted beside other ones. Their uncertainty is none of the parameters'.
 #pragma once
 
 #include <cstdint>
