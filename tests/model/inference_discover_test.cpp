@@ -718,24 +718,33 @@ TEST(Discrepancy, TheCoarseSimulationIsFineEnoughWhereTheModelStands) {
   const SimulationOptions begin{.tolerance = 1e-5, .domains = 1000, .shift = 7},
       exact{.tolerance = 1e-5, .domains = 60000, .shift = 5};
   const inference::WhitenedRecordings reference(bench, noises, {0, 1}, exact, 2);
-  const auto chosen_at = [&](const Eigen::VectorXd& z, double allowed) {
+  const auto chosen_at = [&](const Eigen::VectorXd& z, const inference::AllowedError& allowed) {
     inference::WhitenedRecordings coarse(bench, noises, {0, 1}, begin, 2),
         fine(bench, noises, {0, 1}, begin, 2);
     inference::choose_fidelities(coarse, fine, hypothesis, z, 16000, allowed);
     const auto off = [&](const inference::WhitenedRecordings& by) {
       return inference::coarse_error_at(coarse, by.evaluate(hypothesis, z), hypothesis, z);
     };
-    EXPECT_LT(off(fine), allowed);
-    EXPECT_LT(off(reference), 1.2 * allowed);
+    EXPECT_LT(off(fine), allowed.coarse);
+    EXPECT_LT(off(reference), 1.2 * allowed.coarse);
     const int domains = coarse.simulation().domains;
     coarse.simulate_by(fine.last_steps());
-    EXPECT_LT(off(fine), std::min(allowed, inference::last_steps_error));
+    EXPECT_LT(off(fine), std::min(allowed.coarse, inference::last_steps_error));
     return domains;
   };
-  using inference::coarse_error_beside_model_error, inference::coarse_error_if_corrected;
-  const int few = chosen_at(given_place, coarse_error_if_corrected);
-  EXPECT_GT(chosen_at(moved, coarse_error_beside_model_error), few);
-  EXPECT_GT(chosen_at(moved, 0.2), few);  // stricter than any fit asks
+  const int few = chosen_at(given_place, inference::if_corrected);
+  EXPECT_GT(chosen_at(moved, inference::beside_model_error), few);
+  EXPECT_GT(chosen_at(moved, {.coarse = 0.2}), few);  // stricter than any fit asks
+
+  const auto fine_domains = [&](double allowed) {
+    inference::WhitenedRecordings fine(bench, noises, {0, 1}, begin, 2);
+    const auto [residual, error] = inference::converge_fine_fidelity(fine, hypothesis, moved, 16000, allowed);
+    EXPECT_LT(error, std::max(allowed, std::sqrt(inference::unnoticed_change / fine.samples())));
+    const Eigen::VectorXd off = residual - reference.evaluate(hypothesis, moved);
+    EXPECT_LT(std::sqrt(off.squaredNorm() / fine.samples()), 2 * error) << allowed;
+    return fine.simulation().domains;
+  };
+  EXPECT_LT(fine_domains(inference::beside_model_error.fine), fine_domains(0));
 }
 
 TEST(Discrepancy, AMeasuredDriveIsUncertain) {

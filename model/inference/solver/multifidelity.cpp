@@ -39,15 +39,10 @@ double coarse_error_at(const WhitenedResiduals& coarse, const Eigen::VectorXd& e
   return root_mean_square((coarse.evaluate(hypothesis, z) - exact).squaredNorm(), coarse);
 }
 
-double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                         const Eigen::VectorXd& z, int most_domains, double coarse_error) {
-  const auto [exact, error] = converge_fine_fidelity(fine, hypothesis, z, most_domains);
-  choose_coarse_fidelity(coarse, fine, exact, hypothesis, z, coarse_error);
-  return error;
-}
-
-void choose_coarse_fidelity(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Eigen::VectorXd& exact,
-                            const Hypothesis& hypothesis, const Eigen::VectorXd& z, double coarse_error) {
+ConvergedFidelity choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine,
+                                    const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most_domains,
+                                    const AllowedError& allowed) {
+  auto converged = converge_fine_fidelity(fine, hypothesis, z, most_domains, allowed.fine);
   // Of the nodes that are to serve every spread, the base has a third.
   const bool every_spread = fine.simulation().every_spread;
   struct Choice {
@@ -66,12 +61,13 @@ void choose_coarse_fidelity(WhitenedResiduals& coarse, WhitenedResiduals& fine, 
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(
         {.tolerance = tolerance, .domains = (every_spread ? 4 : 1) * count, .every_spread = every_spread});
-    const double off = coarse_error_at(coarse, exact, hypothesis, z);
-    if (!chosen && off < coarse_error) chosen = coarse.simulation();
-    if (off < std::min(coarse_error, last_steps_error)) break;
+    const double off = coarse_error_at(coarse, converged.residual, hypothesis, z);
+    if (!chosen && off < allowed.coarse) chosen = coarse.simulation();
+    if (off < std::min(allowed.coarse, last_steps_error)) break;
   }
   fine.make_last_steps_by(coarse.simulation());
   if (chosen) coarse.simulate_by(*chosen);
+  return converged;
 }
 
 namespace {

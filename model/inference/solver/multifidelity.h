@@ -32,30 +32,29 @@ ConvergedFidelity converge_fine_fidelity(WhitenedResiduals& fine, const Hypothes
 // compared with each other, and what the lattice adds to all of them alike is no part of that.
 void anchor_fine_fidelity(WhitenedResiduals& fine, const Hypothesis& hypothesis, const Eigen::VectorXd& z,
                           Eigen::VectorXd residual);
-// Largest root mean square by which the coarse simulation may differ from the fine one, in standard
-// deviations of noise and model error together.
-//   coarse_error_if_corrected: only the change of the difference with z counts, a tenth to a third of it on
-//     benches of the campaign. 250 domains differ by twenty where the noise is 0.01 % of the range, and with
-//     them the same effects came out best.
-//   last_steps_error: a sum over few domains has local minima of its own, which stop a fit's last steps.
-//   coarse_error_beside_model_error: parameters move farther in a model that is wrong, and the correction
-//     changes more. On loops of a bulk ceramic at 800 V, 250 domains were 8 % of the range off where the
-//     model missed by 3 %; without a correction the terms that were found explained the error of the sum.
-inline constexpr double coarse_error_if_corrected = 20, last_steps_error = 0.8,
-                        coarse_error_beside_model_error = 1;
-// Root mean square of the fine simulation's own error, in standard deviations of noise and model error
-// together, that is small beside a model error. By `unnoticed_change` alone, 0.04 there, a bulk ceramic asked
-// for 16,000 domains.
-inline constexpr double fine_error_beside_model_error = 0.1;
-// Makes `fine` fine enough for the model at z (converge_fine_fidelity) and chooses `coarse` by it
-// (choose_coarse_fidelity). Returns the fine one's own error.
-double choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Hypothesis& hypothesis,
-                         const Eigen::VectorXd& z, int most_domains,
-                         double coarse_error = coarse_error_if_corrected);
-// Makes `coarse` the cheapest simulation whose residuals at z differ by no more than `coarse_error` from
-// `exact`, which the fine one gives there, and chooses what makes the fine one's last steps.
-void choose_coarse_fidelity(WhitenedResiduals& coarse, WhitenedResiduals& fine, const Eigen::VectorXd& exact,
-                            const Hypothesis& hypothesis, const Eigen::VectorXd& z, double coarse_error);
+// Largest root mean squares, in standard deviations of noise and model error together, by which the coarse
+// simulation may differ from the fine one, and the fine one from the truth.
+struct AllowedError {
+  double coarse = 0;
+  double fine = 0;  // beyond what no verdict would notice
+};
+// Only the change of the difference with z counts, a tenth to a third of it on benches of the campaign. 250
+// domains differ by twenty where the noise is 0.01 % of the range, and with them the same effects came out
+// best.
+inline constexpr AllowedError if_corrected{.coarse = 20};
+// Parameters move farther in a model that is wrong, and the correction changes more. On loops of a bulk
+// ceramic at 800 V, 250 domains were 8 % of the range off where the model missed by 3 %; without a correction
+// the terms that were found explained the error of the sum. The fine one's own error is small beside the
+// model's at a tenth: with 0.04, by `unnoticed_change` alone, the ceramic asked for 16,000 domains.
+inline constexpr AllowedError beside_model_error{.coarse = 1, .fine = 0.1};
+// Of what makes a fit's last steps: a sum over few domains has local minima of its own, which stop them.
+inline constexpr double last_steps_error = 0.8;
+// Makes `fine` fine enough for the model at z (converge_fine_fidelity), and `coarse` the cheapest simulation
+// that differs from it by no more than is allowed there; chooses what makes the fine one's last steps as
+// well.
+ConvergedFidelity choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals& fine,
+                                    const Hypothesis& hypothesis, const Eigen::VectorXd& z, int most_domains,
+                                    const AllowedError& allowed = if_corrected);
 // Root mean square of the difference between the coarse residuals at z and `exact`.
 double coarse_error_at(const WhitenedResiduals& coarse, const Eigen::VectorXd& exact,
                        const Hypothesis& hypothesis, const Eigen::VectorXd& z);

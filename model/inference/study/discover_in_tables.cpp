@@ -91,7 +91,7 @@ Discovery discover_in_tables(const Model& base, const std::vector<std::string>& 
   WhitenedTableCells fine(experiments, train, watched(fine_for_tables, options, simulations), threads);
   tick("choosing how finely to simulate", 0.01);
   out.health.numerical_error_over_noise =
-      choose_fidelities(coarse, fine, hypothesis, prior_mean(hypothesis), fine_for_tables.domains);
+      choose_fidelities(coarse, fine, hypothesis, prior_mean(hypothesis), fine_for_tables.domains).error;
   auto selection = options.selection;
   selection.single_effect = true;
   selection.relative_remainder = std::max(selection.relative_remainder, table_remainder);

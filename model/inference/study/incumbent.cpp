@@ -28,17 +28,14 @@ constexpr double most_lost_beside_sensor = 0.15;
 constexpr int most_rounds_of_error = 8;
 constexpr double least_gain_of_round = 10;
 
-// Chooses the simulations for a place from the cheapest ones on: what a place far away asked for can be many
-// times too much. Returns the fine one's residuals there.
-Eigen::VectorXd choose_fidelities_beside_model_error(WhitenedRecordings& coarse, WhitenedRecordings& fine,
-                                                     const HypothesisPoint& at, int most_domains) {
+// From the cheapest ones on: what a place far away asked for can be many times too much. Returns the fine
+// one's residuals there.
+Eigen::VectorXd choose_simulations(WhitenedRecordings& coarse, WhitenedRecordings& fine,
+                                   const HypothesisPoint& at, int most_domains) {
   auto simulation = fine.simulation();
   simulation.domains = std::min(most_domains, least_fine_domains);
   fine.simulate_by(simulation);
-  auto exact =
-      converge_fine_fidelity(fine, at.hypothesis, at.z, most_domains, fine_error_beside_model_error).residual;
-  choose_coarse_fidelity(coarse, fine, exact, at.hypothesis, at.z, coarse_error_beside_model_error);
-  return exact;
+  return choose_fidelities(coarse, fine, at.hypothesis, at.z, most_domains, beside_model_error).residual;
 }
 
 }  // namespace
@@ -166,7 +163,7 @@ HypothesisPoint Incumbent::fitted_beside(const std::vector<std::vector<NoiseMode
                                          HypothesisPoint at, const SolverOptions& options) const {
   WhitenedRecordings coarse(*task_.bench, errors, task_.train, coarse_, task_.threads),
       fine(*task_.bench, errors, task_.train, simulation_, task_.threads);
-  auto exact = choose_fidelities_beside_model_error(coarse, fine, at, task_.simulation.domains);
+  auto exact = choose_simulations(coarse, fine, at, task_.simulation.domains);
   Fit fit;
   fit.hypothesis = std::move(at.hypothesis);
   fit.z = std::move(at.z);
@@ -256,7 +253,7 @@ Eigen::VectorXd Incumbent::weigh_rows() {
   residuals_ =
       std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
   fine_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, simulation_, task_.threads);
-  const auto exact = choose_fidelities_beside_model_error(*residuals_, *fine_, at_, task_.simulation.domains);
+  const auto exact = choose_simulations(*residuals_, *fine_, at_, task_.simulation.domains);
   simulation_ = fine_->simulation();
   coarse_ = residuals_->simulation();
   return exact - residuals_->evaluate(at_.hypothesis, at_.z);

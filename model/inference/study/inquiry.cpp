@@ -41,7 +41,7 @@ Inquiry::Inquiry(Session& session, const Model& base)
 
 std::set<std::size_t> Inquiry::run() {
   s_.tick("choosing how finely to simulate", 0.01);
-  const double error = choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains);
+  const double error = choose_fidelities(coarse_, fine_, base_, prior_mean(base_), most_domains).error;
   s_.out.health.numerical_error_over_noise = error;
   s_.selection.raise_detection(error * error * fine_.samples());
   found_ = select(base_, true, s_.start, s_.selection);
