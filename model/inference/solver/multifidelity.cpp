@@ -49,14 +49,9 @@ ConvergedFidelity choose_fidelities(WhitenedResiduals& coarse, WhitenedResiduals
     int count = 0;
     double tolerance = 0;
   };
-  constexpr std::array choices{Choice{cheapest_coarse.domains, cheapest_coarse.tolerance},
-                               Choice{500, 1e-4},
-                               Choice{1000, 1e-4},
-                               Choice{1000, 1e-5},
-                               Choice{2000, 1e-4},
-                               Choice{2000, 1e-5},
-                               Choice{4000, 1e-4},
-                               Choice{4000, 1e-5}};
+  constexpr std::array choices{Choice{250, 1e-4},  Choice{500, 1e-4},  Choice{1000, 1e-4},
+                               Choice{1000, 1e-5}, Choice{2000, 1e-4}, Choice{2000, 1e-5},
+                               Choice{4000, 1e-4}, Choice{4000, 1e-5}};
   std::optional<SimulationOptions> chosen;
   for (const auto& [count, tolerance] : choices) {
     coarse.simulate_by(

@@ -16,8 +16,6 @@ namespace ferrobench::model::inference {
 inline constexpr double unnoticed_change = 12;
 // Nodes that a fine simulation has at least.
 inline constexpr int least_fine_domains = 1000;
-// The first of the coarse simulations among which one is chosen.
-inline constexpr SimulationOptions cheapest_coarse{.tolerance = 1e-4, .domains = 250};
 
 struct ConvergedFidelity {
   Eigen::VectorXd residual;  // by the fine simulation, at z

@@ -43,8 +43,6 @@ Eigen::VectorXd choose_simulations(WhitenedRecordings& coarse, WhitenedRecording
 Incumbent::Incumbent(const ImprovementTask& task, const Fit& base, Tick tick)
     : task_(task), tick_(std::move(tick)), noise_(*task.noise), at_{base.hypothesis, base.z}, fit_(base) {
   at_.hypothesis.reach = 1;
-  coarse_.tolerance = cheapest_coarse.tolerance;
-  coarse_.domains = cheapest_coarse.domains;
   if (!noise_is_only_error()) simulation_.domains = std::min(simulation_.domains, least_fine_domains);
 }
 
@@ -161,7 +159,7 @@ HypothesisPoint Incumbent::fitted(HypothesisPoint at, const SolverOptions& optio
 // By simulations that are fine enough there: what serves the incumbent may be nothing but grain elsewhere.
 HypothesisPoint Incumbent::fitted_beside(const std::vector<std::vector<NoiseModel>>& errors,
                                          HypothesisPoint at, const SolverOptions& options) const {
-  WhitenedRecordings coarse(*task_.bench, errors, task_.train, coarse_, task_.threads),
+  WhitenedRecordings coarse(*task_.bench, errors, task_.train, simulation_, task_.threads),
       fine(*task_.bench, errors, task_.train, simulation_, task_.threads);
   auto exact = choose_simulations(coarse, fine, at, task_.simulation.domains);
   Fit fit;
@@ -251,11 +249,10 @@ void Incumbent::move(Fit to) {
 // Returns the fidelity correction there.
 Eigen::VectorXd Incumbent::weigh_rows() {
   residuals_ =
-      std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, coarse_, task_.threads);
+      std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, simulation_, task_.threads);
   fine_ = std::make_unique<WhitenedRecordings>(*task_.bench, noise_, task_.train, simulation_, task_.threads);
   const auto exact = choose_simulations(*residuals_, *fine_, at_, task_.simulation.domains);
   simulation_ = fine_->simulation();
-  coarse_ = residuals_->simulation();
   return exact - residuals_->evaluate(at_.hypothesis, at_.z);
 }
 

@@ -101,7 +101,7 @@ class Incumbent {
   const ImprovementTask& task_;
   Tick tick_;
   std::vector<std::vector<NoiseModel>> noise_;
-  SimulationOptions simulation_ = task_.simulation, coarse_ = task_.simulation;
+  SimulationOptions simulation_ = task_.simulation;
   std::unique_ptr<WhitenedRecordings> residuals_, fine_;  // beside the model's error; null by noise alone
   HypothesisPoint at_;
   Fit fit_;
